@@ -1,0 +1,1 @@
+"""Scene, samples, visibility and transfer: everything that is true before a network exists."""

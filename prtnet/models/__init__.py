@@ -1,0 +1,1 @@
+"""Networks (position, normal) -> transfer, and their training."""

@@ -1,0 +1,1 @@
+"""Cameras, G-buffers and the frames that are scored."""

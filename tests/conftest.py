@@ -1,0 +1,21 @@
+"""Run-time shape checks for every public function: beartype reads the jaxtyping annotations."""
+
+from pathlib import Path
+
+from jaxtyping import install_import_hook
+
+PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
+# numba compiles the kernels from their plain source, so they stay undecorated
+UNCHECKED = {"prtnet.data.kernels", "prtnet.__main__"}
+
+
+def _modules() -> list[str]:
+    names = [
+        ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+        for file in PACKAGE.rglob("*.py")
+        if file.name != "__init__.py"
+    ]
+    return sorted(set(names) - UNCHECKED)
+
+
+install_import_hook(_modules(), "beartype.beartype")

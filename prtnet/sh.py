@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from prtnet import PrtnetError
 
 Array = np.ndarray
+Values = np.ndarray | np.float64  # one direction alone gives scalars
 
 
 def count(bands: int) -> int:
@@ -34,7 +35,7 @@ def bands_of(coefficients: int) -> int:
     """Inverse of `count`: the number of bands that give this many coefficients."""
     bands = round(coefficients**0.5)
     if bands < 1 or bands * bands != coefficients:
-        raise PrtnetError(f"SH coefficients: found {coefficients} of them, expected a square number (1, 4, 9, 16, 25, ...)")
+        raise PrtnetError(f"SH coefficients: found {coefficients}, expected a square number (1, 4, 9, 16, ...)")
     return bands
 
 
@@ -67,7 +68,7 @@ def evaluate(directions: Float[Array, "*n 3"], bands: int) -> Float[Array, "*n k
     return out.astype(np.result_type(directions, np.float32), copy=False)
 
 
-def _legendre_step(l: int, m: int, z: Array, last: Array, before: Array) -> Array:
+def _legendre_step(l: int, m: int, z: Values, last: Values, before: Values) -> Values:
     """Normalised three-term recurrence in l at fixed m (Press et al. 2007, eq. 6.7.9)."""
     ahead = sqrt((4 * l * l - 1) / (l * l - m * m))
     behind = sqrt(((l - 1) ** 2 - m * m) / (4 * (l - 1) ** 2 - 1))
@@ -130,14 +131,14 @@ def rotate(coefficients: Float[Array, "*b k c"], rotation: ArrayLike) -> Float[A
 
 
 def rotation_matrix(rotation: Float[Array, "3 3"], bands: int) -> Float[Array, "k k"]:
-    """D with c' = D c for the function turned by `rotation`, exact up to rounding (a quadrature of Y_i(w) Y_j(R^-1 w))."""
+    """D with c' = D c for the function turned by `rotation`: a quadrature of Y_i(w) Y_j(R^-1 w), exact to rounding."""
     directions, weights = quadrature(2 * (bands - 1))
     return evaluate(directions, bands).T @ (weights[:, None] * evaluate(directions @ rotation, bands))
 
 
 @lru_cache(maxsize=16)
 def triple_product(bands_i: int, bands_j: int, bands_k: int) -> Float[Array, "ki kj kk"]:
-    """tau_ijk = integral of Y_i Y_j Y_k dw (the Gaunt coefficients of the real basis), float64, entries < 1e-12 are zero."""
+    """tau_ijk = integral of Y_i Y_j Y_k dw: the Gaunt coefficients of the real basis, float64, zeros exact."""
     directions, weights = quadrature(bands_i + bands_j + bands_k - 3)
     basis = evaluate(directions, max(bands_i, bands_j, bands_k))
     first, second, third = (basis[:, : count(bands)] for bands in (bands_i, bands_j, bands_k))

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
+import tests.shapes  # noqa: F401  (the hook looks it up by name)
+
 PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
 # numba compiles the kernels from their plain source, so they stay undecorated
 UNCHECKED = {"prtnet.data.kernels", "prtnet.__main__"}
@@ -18,4 +20,4 @@ def _modules() -> list[str]:
     return sorted(set(names) - UNCHECKED)
 
 
-install_import_hook(_modules(), "beartype.beartype")
+install_import_hook(_modules(), "tests.shapes.check")

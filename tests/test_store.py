@@ -1,0 +1,105 @@
+"""Artifacts survive kills and truncation; equal inputs give equal keys."""
+
+import json
+
+import numpy as np
+import pytest
+
+from prtnet import PrtnetError, store
+
+
+@pytest.fixture
+def shelf(tmp_path):
+    return store.Store(tmp_path / "cache")
+
+
+ARRAYS = {"a": np.arange(12, dtype=np.float32).reshape(3, 4), "b": np.array([7], np.int32)}
+
+
+def test_put_and_get_are_inverse(shelf):
+    shelf.put("bake", {"count": 3}, ARRAYS, {"seconds": 1.5})
+    found = shelf.get("bake", {"count": 3})
+    assert found is not None
+    assert found.facts == {"seconds": 1.5}
+    for name, array in ARRAYS.items():
+        np.testing.assert_array_equal(found.arrays[name], array)
+    assert shelf.get("bake", {"count": 4}) is None
+
+
+def test_make_runs_once(shelf):
+    calls = []
+
+    def make():
+        calls.append(1)
+        return ARRAYS, {}
+
+    first = shelf.make("bake", {"x": 1}, make)
+    second = shelf.make("bake", {"x": 1}, make)
+    assert len(calls) == 1
+    assert first.key == second.key
+
+
+@pytest.mark.parametrize("harm", ["truncate", "flip", "no record", "half a record"])
+def test_a_harmed_artifact_is_made_again(shelf, harm, caplog):
+    shelf.put("bake", {}, ARRAYS, {})
+    path = shelf.path("bake", {})
+    data = path.read_bytes()
+    if harm == "truncate":
+        path.write_bytes(data[:-3])
+    elif harm == "flip":
+        path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    elif harm == "no record":
+        path.with_suffix(".json").unlink()
+    else:
+        path.with_suffix(".json").write_text(path.with_suffix(".json").read_text()[:20])
+    assert shelf.get("bake", {}) is None
+    assert "made again" in caplog.text
+    again = shelf.make("bake", {}, lambda: (ARRAYS, {"again": True}))
+    assert again.facts == {"again": True}
+    assert shelf.get("bake", {}) is not None
+
+
+def test_keys_do_not_depend_on_order_but_on_values():
+    assert store.content_key({"a": 1, "b": [2.5]}) == store.content_key({"b": [2.5], "a": 1})
+    assert store.content_key({"a": 1}) != store.content_key({"a": 2})
+
+
+def test_atomic_leaves_nothing_behind_when_it_fails(tmp_path):
+    target = tmp_path / "file.txt"
+    target.write_text("old")
+
+    def write_half():
+        with store.atomic(target) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_half()
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_shards_go_on_where_they_were(shelf):
+    made = []
+
+    def make(shard, stop_at=99):
+        if shard == stop_at:
+            raise KeyboardInterrupt
+        made.append(shard)
+        return np.full(2, shard, np.float32)
+
+    with pytest.raises(KeyboardInterrupt):
+        shelf.shards("bake", {}, 4, lambda shard: make(shard, stop_at=2))
+    parts = shelf.shards("bake", {}, 4, make)
+    assert made == [0, 1, 2, 3]
+    np.testing.assert_array_equal(np.concatenate(parts), [0, 0, 1, 1, 2, 2, 3, 3])
+    shelf.drop_shards("bake", {})
+    assert not list((shelf.root / "bake.shards").iterdir())
+
+
+def test_load_arrays_names_the_file(tmp_path):
+    with pytest.raises(PrtnetError, match="absent"):
+        store.load_arrays(tmp_path / "absent.safetensors")
+    (tmp_path / "text.safetensors").write_text(json.dumps({"no": "tensor"}))
+    with pytest.raises(PrtnetError, match=r"text\.safetensors"):
+        store.load_arrays(tmp_path / "text.safetensors")

@@ -1,0 +1,239 @@
+"""A net as one GLSL function with its weights as literals. No arrays, no loops, no uniforms, nothing to bind.
+
+    void prt_transfer(vec3 position, vec3 normal, out vec4 t0, out vec4 t1, ...)
+
+`position` is the centred position in [-1, 1]^3, `normal` the unit world normal, and `t0.x, t0.y, ...` the SH
+coefficients of the transfer, the last vector padded with 0. Each layer is h = b + mat4(...) * x0 + mat4(...) * x1 + ...
+over vec4s. Sine and cosine are polynomials of the reduced argument in turns, since those of some drivers
+are off by 1e-3 at high frequencies.
+"""
+
+import math
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from prtnet import PrtnetError, netspec, sh
+from prtnet.netspec import NetSpec
+
+VERSIONS = ("330", "430", "300 es")
+MAX_LITERAL_MACS = 60_000
+
+# sin(2 pi t) = t P(t^2) on a quarter turn, minimax in absolute error: 3.3e-9
+_SINE = (6.28318516, -41.34165503, 81.60100406, -76.54978194, 39.53670321)
+
+
+def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str:
+    """The text of `prt_transfer` and its helpers (all named prt_...), to paste into a shader of that version.
+
+    Raises PrtnetError where the net is too large for literals: compilers take minutes.
+    """
+    _check(net, version, storage)
+    lines = [_header(net)]
+    if version.endswith("es"):
+        lines += ["precision highp float;", "precision highp int;"]
+    lines += _helpers(net)
+    lines += [f"void prt_transfer(vec3 position, vec3 normal, {_outputs(net)}) {{"]
+    lines += [f"  {line}" for line in _body(net)]
+    return "\n".join(lines) + "\n}\n"
+
+
+def fragment_shader(net: NetSpec, version: str = "330", *, first: int = 0) -> str:
+    """A whole fragment shader: textures `positions` and `normals` in, up to 8 of the vec4s, from `first` on, out."""
+    count = vectors(net)
+    written = range(first, min(first + 8, count))
+    lines = [f"#version {version}" if version.endswith("es") else f"#version {version} core"]
+    if version.endswith("es"):
+        lines += ["precision highp float;", "precision highp sampler2D;"]
+    lines += ["uniform sampler2D positions;", "uniform sampler2D normals;"]
+    lines += [f"layout(location = {i - first}) out vec4 color{i};" for i in written]
+    lines += [emit(net, version=version), "void main() {"]
+    lines += ["  ivec2 pixel = ivec2(gl_FragCoord.xy);"]
+    lines += ["  vec3 position = texelFetch(positions, pixel, 0).xyz, normal = texelFetch(normals, pixel, 0).xyz;"]
+    lines += [f"  vec4 {', '.join(f't{i}' for i in range(count))};"]
+    lines += [f"  prt_transfer(position, normal, {', '.join(f't{i}' for i in range(count))});"]
+    lines += [f"  color{i} = t{i};" for i in written]
+    return "\n".join(lines) + "\n}\n"
+
+
+def validate(source: str) -> str | None:
+    """Runs glslangValidator on a whole fragment shader: None where it is not installed, else "" for valid text.
+
+    Raises PrtnetError with the validator's words where the text is not valid.
+    """
+    program = shutil.which("glslangValidator")
+    if program is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "net.frag"
+        file.write_text(source)
+        result = subprocess.run([program, str(file)], capture_output=True, text=True, check=False)
+    if result.returncode:
+        raise PrtnetError(f"exported shader: glslangValidator found {result.stdout.strip()[-2000:]}")
+    return ""
+
+
+def vectors(net: NetSpec) -> int:
+    """Number of vec4 outputs of `prt_transfer`."""
+    return _quads(sh.count(net.bands))
+
+
+def padded_macs(net: NetSpec) -> int:
+    """Multiply-adds of the layers with every size rounded up to a multiple of 4, as the mat4 form computes them."""
+    return sum(16 * _quads(weight.shape[0]) * _quads(weight.shape[1]) for weight in net.weights)
+
+
+def _quads(size: int) -> int:
+    return (size + 3) // 4
+
+
+def _check(net: NetSpec, version: str, storage: str) -> None:
+    if version not in VERSIONS:
+        raise PrtnetError(f"GLSL version: found {version!r}, expected one of {', '.join(VERSIONS)}")
+    if storage != "literal":
+        raise PrtnetError(f"GLSL weight storage: found {storage!r}, expected 'literal'")
+    if padded_macs(net) > MAX_LITERAL_MACS:
+        raise PrtnetError(
+            f"GLSL export: found {padded_macs(net)} padded multiply-adds, expected at most {MAX_LITERAL_MACS} as"
+            " literals, since compilers take minutes; lower model.width or model.depth"
+        )
+
+
+def _header(net: NetSpec) -> str:
+    sizes = " -> ".join(str(size) for size in (net.weights[0].shape[1], *(len(bias) for bias in net.biases)))
+    centre = ", ".join(repr(float(value)) for value in net.centre)
+    return f"""\
+// {net.name.replace(chr(10), " ")}: precomputed radiance transfer in a small network
+// {sizes}, {netspec.macs(net)} multiply-adds
+// t: SH coefficients of V max(0, n.w) over the world, {net.bands} bands, index l*l + l + m, Y_1 = sqrt(3/4pi) (y, z, x)
+// position = (file position - ({centre})) * {float(net.scale)!r}, computed in float64; normal: unit, in world space
+// diffuse radiance = albedo / pi * sum_i t_i L_i with L_i the coefficients of the light"""
+
+
+def _outputs(net: NetSpec) -> str:
+    return ", ".join(f"out vec4 t{i}" for i in range(vectors(net)))
+
+
+def _helpers(net: NetSpec) -> list[str]:
+    lines = []
+    if net.position_frequencies or net.normal_frequencies:
+        polynomial = number(_SINE[-1])
+        for coefficient in reversed(_SINE[:-1]):
+            polynomial = f"{number(coefficient)} + u * ({polynomial})"
+        lines += [f"vec3 prt_quarter(vec3 t) {{ vec3 u = t * t; return t * ({polynomial}); }}"]
+        lines += ["vec3 prt_sin(vec3 f) { return prt_quarter(sign(f) * (0.25 - abs(0.25 - abs(f)))); }"]
+        lines += ["vec3 prt_cos(vec3 f) { return prt_quarter(0.25 - abs(f)); }"]
+    if len(net.weights) > 1:
+        lines += [f"vec4 prt_bend(vec4 x) {{ {_activation(net)} }}"]
+    return lines
+
+
+def _activation(net: NetSpec) -> str:
+    if net.activation == "leaky_relu":
+        return f"return max(x, {number(net.negative_slope)} * x);"
+    argument = "x"
+    if net.activation == "gelu":
+        inner = 2 * math.sqrt(2 / math.pi)
+        argument = f"x * ({number(inner)} + {number(inner * 0.044715)} * x * x)"
+    # the clamp keeps exp finite, so that no 1 / infinity arises; the value is 0 to float32 long before
+    return f"return x / (1.0 + exp(min(-({argument}), vec4(80.0))));"
+
+
+def _body(net: NetSpec) -> Iterator[str]:
+    names: list[str] = []
+    for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
+        yield from _encoding(letter, frequencies, names)
+    for i, group in enumerate(_grouped(names)):
+        yield f"vec4 x0_{i} = {group};"
+    for layer in range(len(net.weights)):
+        yield from _layer(net, layer)
+    result = [f"x{len(net.weights)}_{i}" for i in range(vectors(net))]
+    if net.output_scale != 1:
+        result = [f"{number(net.output_scale)} * {name}" for name in result]
+    if net.residual:
+        lobe: list[str] = []
+        yield from _cosine_lobe(net.bands, lobe)
+        result = [f"{name} + {group}" for name, group in zip(result, _grouped(lobe), strict=True)]
+    for i, expression in enumerate(result):
+        yield f"t{i} = {expression};"
+
+
+def _encoding(vector: str, frequencies: int, names: list[str]) -> Iterator[str]:
+    letter = vector[0]
+    names += [f"{vector}.{axis}" for axis in "xyz"]
+    for j in range(frequencies):
+        turns = f"{letter}{j}"
+        yield f"vec3 {turns} = {number(2.0 ** (j - 1))} * {vector};"
+        yield f"{turns} -= floor({turns} + 0.5);"
+        yield f"vec3 {turns}s = prt_sin({turns}), {turns}c = prt_cos({turns});"
+        names += [f"{turns}{function}.{axis}" for function in "sc" for axis in "xyz"]
+
+
+def _grouped(names: list[str]) -> list[str]:
+    padded = names + ["0.0"] * (-len(names) % 4)
+    return [f"vec4({', '.join(padded[i : i + 4])})" for i in range(0, len(padded), 4)]
+
+
+def _layer(net: NetSpec, layer: int) -> Iterator[str]:
+    weight, bias = net.weights[layer], net.biases[layer]
+    rows, columns = _quads(weight.shape[0]), _quads(weight.shape[1])
+    padded = np.zeros((4 * rows, 4 * columns), np.float32)
+    padded[: weight.shape[0], : weight.shape[1]] = weight
+    shift = np.zeros(4 * rows, np.float32)
+    shift[: len(bias)] = bias
+    for row in range(rows):
+        terms = [_vector("vec4", shift[4 * row : 4 * row + 4])]
+        for column in range(columns):
+            block = padded[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
+            terms += [f"{_vector('mat4', block.T.ravel())} * x{layer}_{column}"]
+        yield f"vec4 x{layer + 1}_{row} = {_bent(net, layer, ' + '.join(terms))};"
+
+
+def _bent(net: NetSpec, layer: int, expression: str) -> str:
+    if layer < len(net.weights) - 1:
+        return f"prt_bend({expression})"
+    return f"tanh({expression})" if net.output == "tanh" else expression
+
+
+def _vector(kind: str, values: np.ndarray) -> str:
+    return f"{kind}({', '.join(number(value) for value in values)})"
+
+
+def number(value: float) -> str:
+    """A GLSL float literal that reads back as the same float32. Denormals, which GLSL may flush, become 0."""
+    text = f"{float(value):.9g}" if abs(value) >= np.finfo(np.float32).tiny else "0"
+    return text if any(mark in text for mark in ".e") else f"{text}.0"
+
+
+def _cosine_lobe(bands: int, names: list[str]) -> Iterator[str]:
+    """A_l Y_i(normal), by the recurrences of `sh.evaluate` with all constants folded into literals."""
+    zonal = sh.cosine_zonal(bands)
+    terms: dict[int, str] = {}
+    diagonal = math.sqrt(1 / (4 * math.pi))
+    for m in range(bands):
+        if m > 0:
+            before = (f"ac{m - 1}", f"as{m - 1}") if m > 1 else ("1.0", "0.0")
+            yield f"float ac{m} = normal.x * {before[0]} - normal.y * {before[1]};"
+            yield f"float as{m} = normal.x * {before[1]} + normal.y * {before[0]};"
+            diagonal *= math.sqrt((2 * m + 1) / (2 * m))
+        for l in range(m, bands):
+            yield f"float q{l}_{m} = {_legendre(l, m, diagonal * (math.sqrt(2) if m else 1))};"
+            scaled = f"{number(zonal[l])} * q{l}_{m}"
+            terms[l * l + l + m] = f"{scaled} * ac{m}" if m else scaled
+            terms[l * l + l - m] = f"{scaled} * as{m}" if m else scaled
+    names += [terms[i] if abs(zonal[math.isqrt(i)]) > 1e-12 else "0.0" for i in range(len(terms))]
+
+
+def _legendre(l: int, m: int, diagonal: float) -> str:
+    if l == m:
+        return number(diagonal)
+    ahead = math.sqrt((4 * l * l - 1) / (l * l - m * m))
+    first = f"{number(ahead)} * normal.z * q{l - 1}_{m}"
+    if l == m + 1:
+        return first
+    behind = ahead * math.sqrt(((l - 1) ** 2 - m * m) / (4 * (l - 1) ** 2 - 1))
+    return f"{first} - {number(behind)} * q{l - 2}_{m}"

@@ -1,0 +1,194 @@
+"""The hand-over format of a trained net, and the plain evaluator that every fast path is tested against.
+
+A net maps a surface point and its normal to the SH coefficients of its transfer:
+
+    x = (gamma(p), gamma(n))            p in [-1, 1]^3, the centred position; see `encode`
+    h = activation(W_i h + b_i)         for each hidden layer, from h = x
+    t = output_scale * output(W h + b)  + cosine_lobe(n) where `residual`
+
+The file (docs/net-format.md) is safetensors with one JSON descriptor in its metadata.
+"""
+
+import json
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as to_bytes
+
+from prtnet import PrtnetError, sh
+
+Array = np.ndarray
+
+FORMAT = 1
+METADATA_KEY = "prtnet_net"
+ACTIVATIONS = ("leaky_relu", "gelu", "silu")
+OUTPUTS = ("tanh", "linear")
+_CHUNK = 1 << 15
+
+
+@dataclass(frozen=True)
+class NetSpec:
+    """Weights are float32, (outputs, inputs) per layer. `centre` and `scale` take file coordinates to [-1, 1]^3."""
+
+    weights: tuple[Float[Array, "o i"], ...]
+    biases: tuple[Float[Array, " o"], ...]
+    position_frequencies: int
+    normal_frequencies: int
+    activation: str = "leaky_relu"
+    negative_slope: float = 0.01  # of leaky_relu
+    output: str = "tanh"
+    output_scale: float = math.pi
+    residual: bool = False
+    bands: int = 5
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # float64, in the file's units
+    scale: float = 1.0
+    name: str = "net"
+
+    def __post_init__(self) -> None:
+        _one_of("activation", self.activation, ACTIVATIONS)
+        _one_of("output", self.output, OUTPUTS)
+        if not (self.scale > 0 and np.isfinite([self.scale, *self.centre]).all()):
+            raise PrtnetError(f"net: found centre {self.centre} and scale {self.scale}, expected finite, scale above 0")
+        inputs = encoded_size(self.position_frequencies, self.normal_frequencies)
+        found = [weight.shape for weight in self.weights]
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            if weight.shape != (len(bias), inputs):
+                raise PrtnetError(f"net layers: found {found}, expected a chain in which one takes {inputs} inputs")
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise PrtnetError("net weights: found NaN or infinity, expected finite numbers; train it again")
+            inputs = len(bias)
+        if inputs != sh.count(self.bands):
+            raise PrtnetError(f"net outputs: found {inputs}, expected {sh.count(self.bands)} for {self.bands} bands")
+
+
+def _one_of(field: str, found: str, expected: tuple[str, ...]) -> None:
+    if found not in expected:
+        raise PrtnetError(f"net {field}: found {found!r}, expected one of {', '.join(expected)}")
+
+
+def encoded_size(position_frequencies: int, normal_frequencies: int) -> int:
+    """Numbers that enter the first layer."""
+    if position_frequencies < 0 or normal_frequencies < 0:
+        raise PrtnetError(f"net frequencies: found {position_frequencies}, {normal_frequencies}, expected 0 or more")
+    return 6 + 6 * (position_frequencies + normal_frequencies)
+
+
+def encode(x: Float[Array, "n 3"], frequencies: int) -> Float[Array, "n e"]:
+    """gamma(x) = (x, sin 2 pi f_0, cos 2 pi f_0, sin 2 pi f_1, ...) with f_j = fract(2^j x / 2), in float64.
+
+    In turns the argument of the sine is exact for a float32 x, however high the frequency.
+    """
+    exact = np.asarray(x, np.float64)
+    parts = [exact]
+    for j in range(frequencies):
+        turns = exact * 2.0 ** (j - 1)
+        angle = 2 * math.pi * (turns - np.floor(turns))
+        parts += [np.sin(angle), np.cos(angle)]
+    return np.concatenate(parts, axis=1)
+
+
+def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Array]:
+    """The activation as a function of an array. GELU is the tanh form (Hendrycks and Gimpel 2016)."""
+    if name == "leaky_relu":
+        return lambda x: np.maximum(x, negative_slope * x)
+    if name == "silu":
+        return lambda x: x * _sigmoid(x)
+    return lambda x: x * _sigmoid(2 * math.sqrt(2 / math.pi) * (x + 0.044715 * x**3))
+
+
+def _sigmoid(x: Array) -> Array:
+    return 0.5 + 0.5 * np.tanh(0.5 * x)
+
+
+def evaluate(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n k"]:
+    """Transfer at points in file coordinates, with unit normals, in the type of `positions`."""
+    unit = (np.asarray(positions, np.float64) - np.asarray(net.centre)) * net.scale
+    return evaluate_unit(net, unit, normals).astype(np.result_type(positions, np.float32), copy=False)
+
+
+def evaluate_unit(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n k"]:
+    """Transfer at centred positions in [-1, 1]^3.
+
+    Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64.
+    """
+    out = np.empty((len(positions), sh.count(net.bands)), np.float64)
+    for start in range(0, len(positions), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        out[part] = _evaluate_chunk(net, _rounded(positions[part]), _rounded(normals[part]))
+    return out.astype(np.result_type(positions, np.float32), copy=False)
+
+
+def _rounded(x: Array) -> Array:
+    return np.asarray(x, np.float32).astype(np.float64)
+
+
+def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
+    h = np.concatenate([encode(positions, net.position_frequencies), encode(normals, net.normal_frequencies)], 1)
+    bend = activation(net.activation, net.negative_slope)
+    last = len(net.weights) - 1
+    for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
+        h = h @ weight.T.astype(np.float64) + bias.astype(np.float64)
+        if i < last:
+            h = bend(h)
+        elif net.output == "tanh":
+            h = np.tanh(h)
+    h = net.output_scale * h
+    return h + sh.cosine_lobe(normals, net.bands) if net.residual else h
+
+
+def macs(net: NetSpec) -> int:
+    """Multiply-adds of the layers for one point: the encoding, activations and the analytic lobe are not counted."""
+    return sum(weight.size for weight in net.weights)
+
+
+def byte_count(net: NetSpec) -> int:
+    """Bytes of the weights and biases, as stored."""
+    return sum(array.nbytes for array in (*net.weights, *net.biases))
+
+
+def save(net: NetSpec, path: Path | str) -> None:
+    """Writes the net, atomically; the same net gives the same bytes. Inverse of `load`."""
+    descriptor = {field.name: getattr(net, field.name) for field in fields(net)}
+    descriptor["centre"] = list(net.centre)
+    del descriptor["weights"], descriptor["biases"]
+    tensors = {}
+    for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
+        tensors[f"layer.{i}.weight"] = np.ascontiguousarray(weight, np.float32)
+        tensors[f"layer.{i}.bias"] = np.ascontiguousarray(bias, np.float32)
+    text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
+    temporary = Path(f"{path}.{os.getpid()}.tmp")
+    temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
+    os.replace(temporary, path)
+
+
+def load(path: Path | str) -> NetSpec:
+    """Reads a net. Inverse of `save`. Raises PrtnetError, with the file's name, for anything that is no whole net."""
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            descriptor = _descriptor(file.metadata())
+            layers = range(descriptor.pop("layers"))
+            weights = tuple(file.get_tensor(f"layer.{i}.weight") for i in layers)
+            biases = tuple(file.get_tensor(f"layer.{i}.bias") for i in layers)
+        return NetSpec(weights=weights, biases=biases, **descriptor)
+    except FileNotFoundError:
+        raise PrtnetError(f"{path}: no such file, expected a trained net; train and export one first") from None
+    except (SafetensorError, OSError, ValueError, TypeError, KeyError, PrtnetError) as error:
+        raise PrtnetError(f"{path}: {error}. Expected a whole net file (format {FORMAT}); export it again") from error
+
+
+def _descriptor(metadata: dict[str, str] | None) -> dict:
+    text = (metadata or {}).get(METADATA_KEY)
+    if text is None:
+        raise PrtnetError(f"found no descriptor {METADATA_KEY!r} in the metadata")
+    descriptor = json.loads(text)
+    found = descriptor.pop("format", None)
+    if found != FORMAT:
+        raise PrtnetError(f"found format {found}")
+    descriptor["centre"] = tuple(descriptor["centre"])
+    return descriptor

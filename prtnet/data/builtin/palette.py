@@ -1,0 +1,39 @@
+"""Small helpers that all procedural scenes share: materials by name, and subdivision counts."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from prtnet.data.part import Part
+from prtnet.data.shapes import Surface, merge
+
+# linear RGB
+ALBEDO = {
+    "white": (0.78, 0.76, 0.72),
+    "red": (0.63, 0.07, 0.05),
+    "green": (0.14, 0.45, 0.09),
+    "ground": (0.56, 0.52, 0.46),
+    "terracotta": (0.50, 0.18, 0.09),
+    "glazed_blue": (0.10, 0.21, 0.36),
+    "cream": (0.72, 0.65, 0.50),
+    "slate": (0.13, 0.14, 0.15),
+    "soil": (0.075, 0.05, 0.035),
+    "stem": (0.20, 0.22, 0.08),
+    "leaf_dark": (0.06, 0.19, 0.05),
+    "leaf_bright": (0.22, 0.42, 0.08),
+    "leaf_blue": (0.12, 0.27, 0.19),
+    "leaf_yellow": (0.40, 0.44, 0.10),
+}
+
+
+def part(name: str, surfaces: Surface | Iterable[Surface], albedo: str | ArrayLike, *, sheets: bool = False) -> Part:
+    """A part of a scene; `albedo` is a name in ALBEDO or linear RGB, `sheets` makes it two-sided."""
+    surface = surfaces if isinstance(surfaces, Surface) else merge(surfaces)
+    colour = np.asarray(ALBEDO[albedo] if isinstance(albedo, str) else albedo, np.float64)
+    return Part(name, surface.vertices, surface.faces, albedo=colour, two_sided=sheets)
+
+
+def steps(count: int, tessellation: float, least: int = 3) -> int:
+    """`count` subdivisions at tessellation 1."""
+    return max(least, round(count * tessellation))

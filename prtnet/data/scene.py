@@ -1,0 +1,168 @@
+"""Scenes: triangles, shading normals, parts with materials, and the frame that centres them.
+
+Coordinates are right-handed with y up, in the file's units, float64. `Scene.centred()` moves them into [-1, 1]^3, where
+everything after loading works.
+"""
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64, Int32
+
+from prtnet import PrtnetError
+from prtnet.data.normals import crease_normals, face_cross, unit
+from prtnet.data.part import GREY, Part
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A uniform scale and a centre, kept in float64: unit = (p - centre) * scale."""
+
+    centre: Float64[Array, " 3"]
+    scale: float
+
+    def to_unit(self, positions: Float[Array, "*n 3"]) -> Float64[Array, "*n 3"]:
+        """Scene coordinates to unit coordinates. Inverse: `from_unit`."""
+        return (np.asarray(positions, np.float64) - self.centre) * self.scale
+
+    def from_unit(self, positions: Float[Array, "*n 3"]) -> Float64[Array, "*n 3"]:
+        """Unit coordinates to scene coordinates. Inverse: `to_unit`."""
+        return np.asarray(positions, np.float64) / self.scale + self.centre
+
+
+IDENTITY = Frame(np.zeros(3), 1.0)
+
+
+def frame_of(vertices: Float[Array, "v 3"]) -> Frame:
+    """The frame whose longest axis fills [-1, 1]."""
+    low, high = (np.asarray(bound, np.float64) for bound in (vertices.min(axis=0), vertices.max(axis=0)))
+    return Frame(low + (high - low) / 2, float(2 / (high - low).max()))
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """A diffuse surface: `albedo` (linear RGB) times the texture where there is one."""
+
+    name: str
+    albedo: Float32[Array, " 3"] = field(default_factory=lambda: np.full(3, GREY, np.float32))
+    # linear RGB; row 0 is the top of the image (v = 1)
+    texture: Float32[Array, "h w 3"] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Triangles with shading normals; every face belongs to one part, and every part has one material."""
+
+    name: str
+    vertices: Float64[Array, "v 3"]
+    faces: Int32[Array, "f 3"]
+    # unit shading normals
+    normals: Float32[Array, "v 3"]
+    # v up, as in OpenGL
+    uv: Float32[Array, "v 2"] | None
+    # index into `materials`
+    part: Int32[Array, " f"]
+    two_sided: Bool[Array, " f"]
+    materials: tuple[Material, ...]
+    # scene coordinates to [-1, 1]^3
+    frame: Frame
+    # where the scene wants to be seen from: "orbit", "inside" or "auto"
+    camera: str = "auto"
+    # after `split_sides`: the face of the unsplit scene that each face comes from
+    face_origin: Int32[Array, " f"] | None = None
+
+    @cached_property
+    def face_normals(self) -> Float64[Array, "f 3"]:
+        """Unit geometric normals, by the right-hand rule."""
+        return unit(face_cross(self.vertices, self.faces))
+
+    @cached_property
+    def face_areas(self) -> Float64[Array, " f"]:
+        """Areas of one side, in squared scene units."""
+        return np.linalg.norm(face_cross(self.vertices, self.faces), axis=1) / 2
+
+    def centred(self) -> "Scene":
+        """The same scene in unit coordinates, with the identity frame."""
+        if self.frame is IDENTITY:
+            return self
+        return replace(self, vertices=self.frame.to_unit(self.vertices), frame=IDENTITY)
+
+    def split_sides(self) -> "Scene":
+        """Every two-sided face as two one-sided faces.
+
+        The back copies stand after all front faces, with vertices of their own, reversed winding and negated normals.
+        """
+        back = np.flatnonzero(self.two_sided)
+        origin = np.arange(len(self.faces), dtype=np.int32) if self.face_origin is None else self.face_origin
+        if not len(back):
+            return self if self.face_origin is not None else replace(self, face_origin=origin)
+        used, corner = np.unique(self.faces[back], return_inverse=True)
+        behind = corner.reshape(-1, 3)[:, ::-1] + len(self.vertices)
+        return replace(
+            self,
+            vertices=np.concatenate([self.vertices, self.vertices[used]]),
+            normals=np.concatenate([self.normals, -self.normals[used]]),
+            uv=None if self.uv is None else np.concatenate([self.uv, self.uv[used]]),
+            faces=np.concatenate([self.faces, behind]).astype(np.int32),
+            part=np.concatenate([self.part, self.part[back]]),
+            two_sided=np.zeros(len(self.faces) + len(back), bool),
+            face_origin=np.concatenate([origin, origin[back]]),
+        )
+
+    def digest(self) -> str:
+        """sha256 of everything but the name: the content key of the scene."""
+        total = hashlib.sha256()
+        values = [getattr(self, f.name) for f in fields(self) if f.name not in ("name", "materials", "frame")]
+        values += [self.frame.centre, self.frame.scale]
+        for material in self.materials:
+            values += [material.name, material.albedo, material.texture]
+        for value in values:
+            head = f"{value.dtype} {value.shape}" if isinstance(value, Array) else repr(value)
+            total.update(head.encode() + b"\n")
+            if isinstance(value, Array):
+                total.update(np.ascontiguousarray(value).tobytes())
+        return total.hexdigest()
+
+
+def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene:
+    """One scene from parts, each with its own material. Missing normals are computed, missing uv become zero."""
+    if camera not in ("auto", "orbit", "inside"):
+        raise PrtnetError(f"{name}: camera: found {camera!r}, expected auto, orbit or inside")
+    if not sum(len(part.faces) for part in parts):
+        raise PrtnetError(f"{name}: no triangles found, expected at least one")
+    parts = [part if part.normals is not None else _with_normals(part) for part in parts]
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    sizes = [len(part.faces) for part in parts]
+    vertices = np.concatenate([part.vertices for part in parts]).astype(np.float64)
+    textured = any(part.uv is not None for part in parts)
+    coordinates = [np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv for part in parts]
+    return Scene(
+        name=name,
+        vertices=vertices,
+        faces=np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]).astype(np.int32),
+        normals=np.concatenate([part.normals for part in parts if part.normals is not None]).astype(np.float32),
+        uv=np.concatenate(coordinates).astype(np.float32) if textured else None,
+        part=np.repeat(np.arange(len(parts), dtype=np.int32), sizes),
+        two_sided=np.repeat([bool(part.two_sided) for part in parts], sizes),
+        materials=tuple(_material(part) for part in parts),
+        frame=frame_of(vertices),
+        camera=camera,
+    )
+
+
+def _material(part: Part) -> Material:
+    texture = None if part.texture is None else np.asarray(part.texture, np.float32)
+    return Material(part.name, np.asarray(part.albedo, np.float32), texture)
+
+
+def _with_normals(part: Part) -> Part:
+    source, faces, normals = crease_normals(part.vertices, part.faces)
+    uv = None if part.uv is None else part.uv[source]
+    return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from prtnet import PrtnetError
 
 Array = np.ndarray
-Values = np.ndarray | np.float64  # one direction alone gives scalars
+Values = np.ndarray | np.floating | float  # one direction alone gives scalars
 
 
 def count(bands: int) -> int:

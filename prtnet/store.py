@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +79,19 @@ def load_arrays(path: Path) -> Arrays:
 
 @dataclass(frozen=True)
 class Artifact:
-    """A finished result: its arrays, the facts recorded with them (plain JSON values) and its key."""
+    """A finished result: a safetensors file, and the facts recorded with it (plain JSON values)."""
 
-    key: str
-    arrays: Arrays
+    path: Path
     facts: dict[str, Any]
+
+    @property
+    def key(self) -> str:
+        return self.path.stem
+
+    @cached_property
+    def arrays(self) -> Arrays:
+        """What the file holds, read at the first use."""
+        return load_arrays(self.path)
 
 
 class Store:
@@ -101,20 +110,23 @@ class Store:
         try:
             record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
             if path.stat().st_size == record["bytes"] and file_digest(path) == record["sha256"]:
-                return Artifact(content_key(inputs), load_arrays(path), record["facts"])
+                return Artifact(path, record["facts"])
         except FileNotFoundError:
             if not path.exists():
                 return None
-        except (ValueError, KeyError):
-            pass
+        except (ValueError, KeyError) as error:
+            log.debug("%s: record not readable: %s", path, error)
         log.warning("%s: truncated or altered, made again", path)
         return None
 
-    def put(self, stage: str, inputs: Mapping[str, Any], arrays: Arrays, facts: Mapping[str, Any]) -> Artifact:
-        """Write an artifact: first the arrays, then the record that makes them count."""
+    def put(
+        self, stage: str, inputs: Mapping[str, Any], write: Callable[[Path], None], facts: Mapping[str, Any]
+    ) -> Artifact:
+        """Keep what `write(path)` writes: first the file, then the record that makes it count."""
         path = self.path(stage, inputs)
         path.with_suffix(".json").unlink(missing_ok=True)
-        save_arrays(path, arrays)
+        with atomic(path) as temporary:
+            write(temporary)
         record = {
             "stage": stage,
             "inputs": dict(inputs),
@@ -123,7 +135,7 @@ class Store:
             "sha256": file_digest(path),
         }
         write_text(path.with_suffix(".json"), json.dumps(record, indent=1, sort_keys=True) + "\n")
-        return Artifact(content_key(inputs), arrays, dict(facts))
+        return Artifact(path, record["facts"])
 
     def make(
         self, stage: str, inputs: Mapping[str, Any], make: Callable[[], tuple[Arrays, Mapping[str, Any]]]
@@ -131,24 +143,24 @@ class Store:
         """The artifact of these inputs, made by `make() -> (arrays, facts)` when it is not there yet."""
         found = self.get(stage, inputs)
         if found is not None:
-            log.info("%s: found %s", stage, found.key)
+            log.debug("%s: found %s", stage, found.path)
             return found
-        return self.put(stage, inputs, *make())
+        arrays, facts = make()
+        return self.put(stage, inputs, lambda path: save_arrays(path, arrays), facts)
 
-    def shards(
-        self, stage: str, inputs: Mapping[str, Any], count: int, make: Callable[[int], np.ndarray]
-    ) -> list[np.ndarray]:
-        """The results of make(0) .. make(count - 1), each kept as soon as it is there: a killed run goes on.
+    def make_shards(
+        self,
+        stage: str,
+        inputs: Mapping[str, Any],
+        count: int,
+        make: Callable[[int], tuple[Arrays, Mapping[str, Any]]],
+    ) -> list[Artifact]:
+        """The artifacts of make(0) .. make(count - 1), each kept as soon as it is there: a killed run goes on.
 
         Call `drop_shards` once the whole artifact has been put.
         """
         folder = f"{stage}.shards/{content_key(inputs)}"
-        parts = []
-        for shard in range(count):
-            found = self.get(folder, {"shard": shard})
-            found = found or self.put(folder, {"shard": shard}, {"shard": make(shard)}, {})
-            parts.append(found.arrays["shard"])
-        return parts
+        return [self.make(folder, {"shard": shard}, lambda s=shard: make(s)) for shard in range(count)]
 
     def drop_shards(self, stage: str, inputs: Mapping[str, Any]) -> None:
         """Delete the shards of an artifact."""

@@ -17,7 +17,7 @@ ARRAYS = {"a": np.arange(12, dtype=np.float32).reshape(3, 4), "b": np.array([7],
 
 
 def test_put_and_get_are_inverse(shelf):
-    shelf.put("bake", {"count": 3}, ARRAYS, {"seconds": 1.5})
+    shelf.make("bake", {"count": 3}, lambda: (ARRAYS, {"seconds": 1.5}))
     found = shelf.get("bake", {"count": 3})
     assert found is not None
     assert found.facts == {"seconds": 1.5}
@@ -41,7 +41,7 @@ def test_make_runs_once(shelf):
 
 @pytest.mark.parametrize("harm", ["truncate", "flip", "no record", "half a record"])
 def test_a_harmed_artifact_is_made_again(shelf, harm, caplog):
-    shelf.put("bake", {}, ARRAYS, {})
+    shelf.make("bake", {}, lambda: (ARRAYS, {}))
     path = shelf.path("bake", {})
     data = path.read_bytes()
     if harm == "truncate":
@@ -86,13 +86,13 @@ def test_shards_go_on_where_they_were(shelf):
         if shard == stop_at:
             raise KeyboardInterrupt
         made.append(shard)
-        return np.full(2, shard, np.float32)
+        return {"shard": np.full(2, shard, np.float32)}, {}
 
     with pytest.raises(KeyboardInterrupt):
-        shelf.shards("bake", {}, 4, lambda shard: make(shard, stop_at=2))
-    parts = shelf.shards("bake", {}, 4, make)
+        shelf.make_shards("bake", {}, 4, lambda shard: make(shard, stop_at=2))
+    parts = shelf.make_shards("bake", {}, 4, make)
     assert made == [0, 1, 2, 3]
-    np.testing.assert_array_equal(np.concatenate(parts), [0, 0, 1, 1, 2, 2, 3, 3])
+    np.testing.assert_array_equal(np.concatenate([part.arrays["shard"] for part in parts]), [0, 0, 1, 1, 2, 2, 3, 3])
     shelf.drop_shards("bake", {})
     assert not list((shelf.root / "bake.shards").iterdir())
 

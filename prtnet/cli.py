@@ -1,0 +1,55 @@
+"""The one Hydra app: `prtnet ...` or `python -m prtnet ...`."""
+
+import logging
+import sys
+from pathlib import Path
+
+import hydra
+from omegaconf import DictConfig, OmegaConf
+
+from prtnet import PrtnetError, config
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+def config_folder() -> Path:
+    """`configs/` inside the installed package, or beside it in a checkout."""
+    inside = PACKAGE / "configs"
+    return inside if inside.is_dir() else PACKAGE.parent / "configs"
+
+
+@hydra.main(version_base="1.3", config_path=str(config_folder()), config_name="config")
+def _job(composed: DictConfig) -> None:
+    # the heavy imports wait until there is work: --help and --cfg stay quick
+    from prtnet import pipeline
+
+    try:
+        options = OmegaConf.to_object(composed)
+        assert isinstance(options, config.Config)
+        pipeline.run(options, sweep_point=_sweep_point())
+    except PrtnetError as error:
+        print(f"prtnet: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("prtnet: interrupted; the same command goes on from here", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+def _sweep_point() -> str | None:
+    """The overrides that tell this point of a sweep from the others, or None outside sweeps."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    settings = HydraConfig.get()
+    return settings.job.override_dirname if settings.mode == RunMode.MULTIRUN else None
+
+
+def main() -> None:
+    """Entry point. Exit codes: 0 done, 1 a key or value refused, 2 a PrtnetError, 130 interrupted."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
+    config.register()
+    _job()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""Every key of a job, its type, its default and its meaning. `configs/` holds the named choices.
+
+The command line and the pipeline see these classes; everything below them takes arrays and plain keywords.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+
+from prtnet.models.recipe import ModelOptions, TrainOptions
+
+STAGES = ("bake", "train", "export", "score")
+
+
+@dataclass
+class SceneOptions:
+    name: str = "plants"  # a built-in scene; the name in tables when `path` is given is that of the file
+    path: str | None = None  # a mesh file, or a folder of parts: OBJ, PLY, STL, OFF, glTF, GLB
+    tessellation: float = 1.0  # built-in scenes: subdivision along each axis, relative
+    seed: int = 0  # built-in scenes: placement of leaves, strips, books
+    two_sided: str = "auto"  # files: auto = the file's word, else parts that are not closed; all; none
+    camera: str = "auto"  # orbit, inside, or auto = the scene's own word, else by rays from its middle
+
+
+@dataclass
+class LightOptions:
+    name: str = "sky"
+    path: str | None = None  # a lat-long EXR or HDR image, linear radiance
+
+
+@dataclass
+class TransferOptions:
+    bands: int = 5  # SH bands; 5 -> 25 coefficients, 4 -> 16
+    directions: int = 512  # rays per point
+    kind: str = "cosine_fibonacci"  # or uniform, stratified, random
+    tracer: str = "auto"  # fused, embreex, or auto = fused where it can be had, said in the log
+
+
+@dataclass
+class SamplesOptions:
+    count: int = 400_000  # area-uniform training points
+    sequence: str = "r2"  # low-discrepancy, or random
+    test_count: int = 20_000  # independent points that are never trained on
+
+
+@dataclass
+class AtlasOptions:
+    size: int = 1024  # texels along one side
+    single_chart: bool = False  # one chart for both sides of a two-sided face: wrong on leaves, on purpose
+    dilation: int = 3  # texels that each chart grows by
+    half: bool = False  # RGBA16F instead of RGBA32F
+
+
+@dataclass
+class RenderOptions:
+    size: int = 256  # pixels along one side
+    views: int = 8  # uniform on the scene's camera path
+    traced_directions: int = 4096  # rays per pixel of the reference
+    noise_directions: int = 4096  # rays per pixel of the second reference that gives the noise floor
+
+
+@dataclass
+class Config:
+    scene: SceneOptions = field(default_factory=SceneOptions)
+    light: LightOptions = field(default_factory=LightOptions)
+    transfer: TransferOptions = field(default_factory=TransferOptions)
+    samples: SamplesOptions = field(default_factory=SamplesOptions)
+    atlas: AtlasOptions = field(default_factory=AtlasOptions)
+    model: ModelOptions = field(default_factory=ModelOptions)
+    train: TrainOptions = field(default_factory=TrainOptions)
+    render: RenderOptions = field(default_factory=RenderOptions)
+    stages: list[str] = field(default_factory=lambda: list(STAGES))  # up to the last one named is made where missing
+    out: str | None = None  # the run folder; runs/<scene> when left out
+    cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
+    device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one
+    threads: int | None = None  # of ray tracing; all cores when left out
+    seed: int = 0
+
+
+def register() -> None:
+    """Make the schema known to Hydra under the name that configs/config.yaml refers to."""
+    schema: Any = Config
+    ConfigStore.instance().store(name="schema", node=schema)

@@ -1,0 +1,148 @@
+"""Compiled loops that trace packets of rays through Embree. The NumPy twins are in tracer.py.
+
+Compiled on first use and cached on disk beside this file; that is why Embree's function comes in as an address and
+not as a global. No fast-math: directions must round exactly as NumPy rounds them, so that both twins trace the same
+rays.
+
+A packet of W rays is Embree's RTCRayW, twelve rows of W: origin x y z, tnear, direction x y z, time, tfar, mask, id,
+flags. Embree writes tfar = -inf where something was hit, and nothing else.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+FAR = np.float32(1e37)  # what embreex uses
+NEAR, TIME, TFAR = 3, 7, 8
+LANES = 8  # coefficients are summed in blocks of this many, so that the inner loop has a fixed length
+
+
+@intrinsic
+def call_occluded(typing_context, function, valid, scene, rays):
+    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments* = NULL) at an address."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+
+    def generate(context, builder, signature, arguments):
+        word = ir.IntType(64)
+        kind = ir.FunctionType(ir.VoidType(), [word] * 4)
+        pointer = builder.inttoptr(arguments[0], kind.as_pointer())
+        builder.call(pointer, [*arguments[1:], ir.Constant(word, 0)])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def packet(width: int) -> tuple[np.ndarray, np.ndarray]:
+    """A ray packet and its mask (all rays on), aligned as Embree wants them."""
+    rays, valid = _aligned(12 * width).reshape(12, width), _aligned(width).view(np.int32)
+    rays.view(np.int32)[9] = -1
+    valid[:] = -1
+    return rays, valid
+
+
+def _aligned(size: int) -> np.ndarray:
+    raw = np.zeros(size + 16, np.float32)
+    start = (-raw.ctypes.data % 64) // 4
+    return raw[start : start + size]
+
+
+@lru_cache(maxsize=3)
+def gather_kernel(width: int):
+    """The kernel that sums SH rows over the free directions of each point, for packets of `width` rays."""
+
+    @njit(nogil=True, cache=True)
+    def gather(function, scene, rays, valid, origins, frames, turns, directions, rows, sums, flip, bands, out):
+        blocks = rows.shape[1]
+        total, work = np.empty((blocks, LANES)), np.empty(blocks * LANES)
+        for i in range(origins.shape[0]):
+            total[:] = 0
+            for axis in range(3):
+                rays[axis, :] = origins[i, axis]
+            ax, ay, az = frames[i, 0, 0], frames[i, 1, 0], frames[i, 2, 0]
+            bx, by, bz = frames[i, 0, 1], frames[i, 1, 1], frames[i, 2, 1]
+            nx, ny, nz = frames[i, 0, 2], frames[i, 1, 2], frames[i, 2, 2]
+            for j in range(directions.shape[0]):
+                for q in range(width):
+                    x, y, z = directions[j, 0, q], directions[j, 1, q], directions[j, 2, q]
+                    rays[4, q] = x * ax + y * bx + z * nx
+                    rays[5, q] = x * ay + y * by + z * ny
+                    rays[6, q] = x * az + y * bz + z * nz
+                    rays[TFAR, q] = FAR
+                call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)
+                free = 0
+                for q in range(width):
+                    free += rays[TFAR, q] > 0
+                if free == width:
+                    for b in range(blocks):
+                        for k in range(LANES):
+                            total[b, k] += sums[j, b, k]
+                elif free > 0:
+                    for q in range(width):
+                        if rays[TFAR, q] > 0:
+                            for b in range(blocks):
+                                for k in range(LANES):
+                                    total[b, k] += rows[j * width + q, b, k]
+            to_world(total.ravel(), work, turns[i], flip, bands, out[i])
+
+    return gather
+
+
+@njit(nogil=True, cache=True)
+def to_world(local, work, turn, flip, bands, out):
+    """Coefficients in a local frame R = Rz(a) Ry(b) Rz(c) to world axes; `turn` holds cos, sin of c, b, a.
+
+    Ry is a turn about z between two fixed quarter turns (`flip`), so every step is orthogonal at any number of bands.
+    """
+    turn_z(local, turn[0], turn[1], bands)
+    apply_bands(flip, False, local, work, bands)
+    turn_z(work, turn[2], turn[3], bands)
+    apply_bands(flip, True, work, local, bands)
+    turn_z(local, turn[4], turn[5], bands)
+    for k in range(bands * bands):
+        out[k] = local[k]
+
+
+@njit(nogil=True, cache=True)
+def turn_z(c, cosine, sine, bands):
+    cm, sm = 1.0, 0.0
+    for m in range(1, bands):
+        cm, sm = cm * cosine - sm * sine, sm * cosine + cm * sine
+        for l in range(m, bands):
+            p, q = l * l + l + m, l * l + l - m
+            c[p], c[q] = cm * c[p] - sm * c[q], sm * c[p] + cm * c[q]
+
+
+@njit(nogil=True, cache=True)
+def apply_bands(matrix, forward, c, out, bands):
+    """out = M c (forward) or M^T c, where M is block diagonal by bands."""
+    for l in range(bands):
+        low, high = l * l, (l + 1) * (l + 1)
+        for i in range(low, high):
+            out[i] = 0.0
+        for j in range(low, high):
+            for i in range(low, high):
+                out[i] += (matrix[i, j] if forward else matrix[j, i]) * c[j]
+
+
+@lru_cache(maxsize=3)
+def occluded_kernel(width: int):
+    """The kernel that answers a list of rays, in packets of `width`."""
+
+    @njit(nogil=True, cache=True)
+    def occluded(function, scene, rays, valid, origins, directions, out):
+        count = origins.shape[0]
+        for first in range(0, count, width):
+            for q in range(width):
+                i = min(first + q, count - 1)
+                for axis in range(3):
+                    rays[axis, q] = origins[i, axis]
+                    rays[4 + axis, q] = directions[i, axis]
+                rays[TFAR, q] = FAR
+            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)
+            for q in range(min(width, count - first)):
+                out[first + q] = rays[TFAR, q] < 0
+
+    return occluded

@@ -1,0 +1,175 @@
+"""Occlusion rays: Embree through embreex, by itself or driven from a compiled kernel that sums SH on the way.
+
+`fused` calls Embree's packet queries inside the embreex wheel from a numba kernel. `embreex` is its plain twin:
+EmbreeScene.run and NumPy, on the same float32 rays. Both work in the scene's unit coordinates.
+"""
+
+import logging
+import time
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from prtnet import PrtnetError, sh
+from prtnet.data import directions as sets
+from prtnet.data.embree import EmbreeUnavailable, PacketScene
+
+log = logging.getLogger(__name__)
+
+KINDS = ("auto", "fused", "embreex")
+QUARTER = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # turns z to y: Ry(b) = QUARTER Rz(b) QUARTER^T
+
+
+class Geometry(Protocol):
+    """What a tracer needs of a scene: triangles in scene coordinates and the frame that centres them."""
+
+    @property
+    def vertices(self) -> Any: ...
+    @property
+    def faces(self) -> Any: ...
+    @property
+    def frame(self) -> Any: ...
+
+
+class Table:
+    """A direction set with its weighted SH rows, laid out for both twins. Local frame; bands as asked."""
+
+    def __init__(self, local: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"], bands: int):
+        self.bands = bands
+        self.directions = local.astype(np.float32)
+        self.rows = (weights[:, None] * sh.evaluate(np.asarray(local, np.float64), bands)).astype(np.float32)
+
+    def packed(self, width: int, lanes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Directions by packets "n/w 3 w", rows in padded blocks of `lanes`, and the sum of the rows of each packet."""
+        count, k = self.rows.shape
+        rows = np.zeros((count, -(-k // lanes) * lanes), np.float32)
+        rows[:, :k] = self.rows
+        sums = rows.reshape(-1, width, rows.shape[1]).sum(1, dtype=np.float64).astype(np.float32)
+        packets = np.ascontiguousarray(self.directions.reshape(-1, width, 3).transpose(0, 2, 1))
+        return packets, rows.reshape(count, -1, lanes), sums.reshape(len(sums), -1, lanes)
+
+
+class Tracer:
+    """Rays against one scene. `kind`: fused, embreex, or auto (fused where the wheel's library allows, else embreex).
+
+    `rays_traced` counts rays; `offset` is the distance in unit coordinates at which rays start off the surface.
+    Raises PrtnetError without embreex, and for kind=fused where that path is not available.
+    """
+
+    def __init__(self, scene: Geometry, *, kind: str = "auto", width: int | None = None):
+        if kind not in KINDS:
+            raise PrtnetError(f"tracer: found kind {kind!r}, expected one of {', '.join(KINDS)}")
+        self.frame = scene.frame
+        vertices = self.frame.to_unit(np.asarray(scene.vertices, np.float64))
+        faces = np.ascontiguousarray(scene.faces, np.int32)
+        self.offset = _offset(vertices)
+        self.rays_traced = 0
+        started = time.perf_counter()
+        self._scene = _open(np.ascontiguousarray(vertices, np.float32), faces, kind, width)
+        self.kind = "fused" if isinstance(self._scene, PacketScene) else "embreex"
+        how = f"packets of {self._scene.width}" if isinstance(self._scene, PacketScene) else "single rays"
+        seconds = time.perf_counter() - started
+        log.info("tracer: %s (Embree, %s), %d triangles, built in %.2f s", self.kind, how, len(faces), seconds)
+
+    def origins(
+        self, positions: Float[np.ndarray, "n 3"], geometric_normals: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Where rays start: unit coordinates, float32, off the surface along the unit geometric normals."""
+        unit = self.frame.to_unit(np.asarray(positions, np.float64))
+        return (unit + self.offset * geometric_normals).astype(np.float32)
+
+    def occluded(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Whether rays from `origins` (scene coordinates; no offset is added) hit anything."""
+        start = self.frame.to_unit(np.asarray(origins, np.float64)).astype(np.float32)
+        self.rays_traced += len(start)
+        return self._occluded(start, np.ascontiguousarray(directions, np.float32))
+
+    def _occluded(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        if not isinstance(self._scene, PacketScene):
+            return self._scene.run(origins, directions, query="OCCLUDED") != -1
+        from prtnet.data import kernels
+
+        hit = np.empty(len(origins), np.bool_)
+        rays, valid = kernels.packet(self._scene.width)
+        trace = kernels.occluded_kernel(self._scene.width)
+        trace(self._scene.function, self._scene.address, rays, valid, origins, directions, hit)
+        return hit
+
+    def gather(
+        self, origins: Float[np.ndarray, "n 3"], turns: Float[np.ndarray, "n 6"], table: Table
+    ) -> Float[np.ndarray, "n k"]:
+        """The transfer of points: sum of the table's rows over the free directions, turned to the world, float32.
+
+        `origins` as `self.origins` gives them, `turns` as `directions.turns`. Every point is computed by itself, so
+        its bits do not depend on its neighbours. Safe to call from several threads.
+        """
+        frames = sets.frames(turns)
+        if isinstance(self._scene, PacketScene):
+            return self._gather_fused(self._scene, origins, frames, turns, table)
+        free = ~self._occluded(*_rays(origins, frames, table.directions)).reshape(len(origins), -1)
+        return to_world(free.astype(np.float32) @ table.rows, turns).astype(np.float32)
+
+    def _gather_fused(
+        self, scene: PacketScene, origins: np.ndarray, frames: np.ndarray, turns: np.ndarray, table: Table
+    ) -> np.ndarray:
+        from prtnet.data import kernels
+
+        out = np.empty((len(origins), table.rows.shape[1]), np.float32)
+        rays, valid = kernels.packet(scene.width)
+        flip = sh.rotation_matrix(QUARTER, table.bands)
+        packed = table.packed(scene.width, kernels.LANES)
+        gather = kernels.gather_kernel(scene.width)
+        gather(scene.function, scene.address, rays, valid, origins, frames, turns, *packed, flip, table.bands, out)
+        return out
+
+
+def _offset(vertices: np.ndarray) -> float:
+    """Clears the rounding of float32 vertices, origins and hits: two floors, of the diagonal and of the coordinates."""
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return max(1e-5 * diagonal, 1e-6 * float(np.abs(vertices).max()))
+
+
+def _open(vertices: np.ndarray, faces: np.ndarray, kind: str, width: int | None) -> Any:
+    try:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+    except ImportError as error:
+        raise PrtnetError(f"tracer: embreex cannot be imported ({error}): type `pip install 'embreex>=4.4'`") from error
+    if kind != "embreex":
+        try:
+            return PacketScene(vertices, faces, width)
+        except EmbreeUnavailable as error:
+            if kind == "fused":
+                raise
+            log.warning("tracer: NOT the fused path but plain embreex, about 3 times slower: %s", error)
+    scene = EmbreeScene()
+    TriangleMesh(scene, vertices, faces)
+    return scene
+
+
+def _rays(origins: np.ndarray, frames: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Every direction at every point, float32, in the order of operations of the compiled kernel."""
+    x, y, z = (local[None, :, None, axis] for axis in range(3))
+    a, b, n = (frames[:, None, :, column] for column in range(3))
+    world = x * a + y * b + z * n
+    return np.repeat(origins, len(local), axis=0), world.reshape(-1, 3)
+
+
+def to_world(local: Float[np.ndarray, "n k"], turns: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n k"]:
+    """SH coefficients in the frames of `turns`, rotated to world axes (the NumPy twin of the kernel's), float64."""
+    bands = sh.bands_of(local.shape[1])
+    flip = sh.rotation_matrix(QUARTER, bands)
+    out = _turn_z(np.asarray(local, np.float64), turns[:, 0], turns[:, 1], bands)
+    out = _turn_z(out @ flip, turns[:, 2], turns[:, 3], bands) @ flip.T
+    return _turn_z(out, turns[:, 4], turns[:, 5], bands)
+
+
+def _turn_z(c: np.ndarray, cosine: np.ndarray, sine: np.ndarray, bands: int) -> np.ndarray:
+    """Turns about z mix Y_l,m and Y_l,-m by the angle m a."""
+    l = sh.band_index(bands)
+    m = np.arange(bands * bands) - l * l - l
+    powers = (cosine + 1j * sine)[:, None] ** np.abs(m)
+    return powers.real * c - np.sign(m) * powers.imag * c[:, l * l + l - m]

@@ -1,0 +1,105 @@
+"""Transfer by ray tracing: t_i(p) = integral of V(p, w) max(0, n.w) Y_i(w) dw at many points.
+
+Sloan, Kautz and Snyder 2002, *Precomputed Radiance Transfer for Real-Time Rendering in Dynamic, Low-Frequency
+Lighting Environments*. No albedo, no 1/pi. Where nothing occludes it equals sh.cosine_lobe.
+"""
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from prtnet import PrtnetError
+from prtnet.data import directions as sets
+from prtnet.data.tracer import Table, Tracer
+
+log = logging.getLogger(__name__)
+
+CHUNK_RAYS = 1 << 19  # a few tens of milliseconds: threads stay busy to the end and Ctrl-C is quick
+LOG_SECONDS = 10.0
+
+
+def bake(
+    tracer: Tracer,
+    positions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    *,
+    bands: int = 5,
+    directions: int = 512,
+    rng: np.random.Generator,
+    geometric_normals: Float[np.ndarray, "n 3"] | None = None,
+    kind: str = "cosine_fibonacci",
+    progress: Callable[[int], None] | None = None,
+    threads: int | None = None,
+) -> Float[np.ndarray, "n k"]:
+    """Transfer of points on the scene's surface, float32, on world axes.
+
+    Positions in scene coordinates; unit shading normals choose the hemisphere, unit geometric normals (the shading
+    normals when absent) the side on which rays start. `directions` is rounded up to a multiple of 16. A point's bits
+    depend on rng, its own row and its place in the input, not on threads or on other points. `progress` gets the
+    number of points done.
+    """
+    _check(positions, normals)
+    table = Table(*sets.local_set(kind, directions, rng), bands)
+    azimuth = rng.random(len(positions)) * 2 * np.pi
+    sides = normals if geometric_normals is None else geometric_normals
+    out = np.empty((len(positions), bands * bands), np.float32)
+
+    def work(index: np.ndarray) -> int:
+        turned = sets.turns(normals[index], azimuth[index])
+        out[index] = tracer.gather(tracer.origins(positions[index], sides[index]), turned, table)
+        return len(index)
+
+    order = morton_order(tracer.frame.to_unit(np.asarray(positions, np.float64)))
+    chunks = np.array_split(order, max(1, -(-len(order) * len(table.directions) // CHUNK_RAYS)))
+    started, done, spoken = time.perf_counter(), 0, time.perf_counter()
+    for count in _in_threads(work, chunks, threads or len(os.sched_getaffinity(0))):
+        done += count
+        if progress is not None:
+            progress(done)
+        if time.perf_counter() - spoken > LOG_SECONDS:
+            spoken = time.perf_counter()
+            _log(tracer, done, len(positions), len(table.directions), spoken - started)
+    _log(tracer, done, len(positions), len(table.directions), time.perf_counter() - started)
+    tracer.rays_traced += len(positions) * len(table.directions)
+    return out
+
+
+def _check(positions: np.ndarray, normals: np.ndarray) -> None:
+    if not np.isfinite(positions).all():
+        raise PrtnetError("transfer: found positions that are not finite")
+    length = np.einsum("ni,ni->n", normals, normals, dtype=np.float64)
+    if not np.allclose(length, 1, atol=1e-3):
+        worst = length[np.argmax(np.abs(length - 1))] ** 0.5
+        raise PrtnetError(f"transfer: found a normal of length {worst:.3g}, expected unit normals")
+
+
+def _in_threads(work: Callable[[np.ndarray], int], chunks: list[np.ndarray], threads: int) -> Iterator[int]:
+    """Results of work(chunk) in order. On any exception, Ctrl-C included, chunks that have not begun are dropped."""
+    pool = ThreadPoolExecutor(threads)
+    try:
+        futures: list[Future[int]] = [pool.submit(work, chunk) for chunk in chunks]
+        for future in futures:
+            yield future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _log(tracer: Tracer, done: int, total: int, directions: int, seconds: float) -> None:
+    rate = done * directions / max(seconds, 1e-9)
+    left = (total - done) * directions / max(rate, 1e-9)
+    log.info("transfer: %s, %d of %d points, %.1f Mray/s, %.0f s left", tracer.kind, done, total, rate / 1e6, left)
+
+
+def morton_order(unit: Float[np.ndarray, "n 3"], bits: int = 10) -> Int[np.ndarray, " n"]:
+    """Order of unit-cube points along the Z curve (Morton 1966): neighbours in the list are neighbours in space."""
+    cell = (np.clip(unit * 0.5 + 0.5, 0, 1) * (2**bits - 1)).astype(np.uint32)
+    code = np.zeros(len(unit), np.uint32)
+    for bit in range(bits):
+        for axis in range(3):
+            code |= ((cell[:, axis] >> np.uint32(bit)) & np.uint32(1)) << np.uint32(3 * bit + axis)
+    return np.argsort(code, kind="stable")

@@ -53,7 +53,7 @@ def rounded(count: int) -> int:
 
 
 def _jittered(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """One point in each of n cells of the unit square: rows of equal height, each cut into nearly equally many cells."""
+    """One point in each of n cells of the unit square: rows, each cut into nearly equally many cells."""
     rows = max(1, round(sqrt(n / 4)))
     cells = np.diff(np.arange(rows + 1) * n // rows)
     row = np.repeat(np.arange(rows), cells)

@@ -71,7 +71,7 @@ def gather_kernel(width: int):
                     rays[5, q] = x * ay + y * by + z * ny
                     rays[6, q] = x * az + y * bz + z * nz
                     rays[TFAR, q] = FAR
-                call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)
+                call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)  # pyright: ignore[reportCallIssue]
                 free = 0
                 for q in range(width):
                     free += rays[TFAR, q] > 0
@@ -141,7 +141,7 @@ def occluded_kernel(width: int):
                     rays[axis, q] = origins[i, axis]
                     rays[4 + axis, q] = directions[i, axis]
                 rays[TFAR, q] = FAR
-            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)
+            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)  # pyright: ignore[reportCallIssue]
             for q in range(min(width, count - first)):
                 out[first + q] = rays[TFAR, q] < 0
 

@@ -6,7 +6,7 @@ EmbreeScene.run and NumPy, on the same float32 rays. Both work in the scene's un
 
 import logging
 import time
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,22 +14,12 @@ from jaxtyping import Bool, Float
 from prtnet import PrtnetError, sh
 from prtnet.data import directions as sets
 from prtnet.data.embree import EmbreeUnavailable, PacketScene
+from prtnet.data.scene import Scene
 
 log = logging.getLogger(__name__)
 
 KINDS = ("auto", "fused", "embreex")
 QUARTER = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # turns z to y: Ry(b) = QUARTER Rz(b) QUARTER^T
-
-
-class Geometry(Protocol):
-    """What a tracer needs of a scene: triangles in scene coordinates and the frame that centres them."""
-
-    @property
-    def vertices(self) -> Any: ...
-    @property
-    def faces(self) -> Any: ...
-    @property
-    def frame(self) -> Any: ...
 
 
 class Table:
@@ -57,11 +47,11 @@ class Tracer:
     Raises PrtnetError without embreex, and for kind=fused where that path is not available.
     """
 
-    def __init__(self, scene: Geometry, *, kind: str = "auto", width: int | None = None):
+    def __init__(self, scene: Scene, *, kind: str = "auto", width: int | None = None):
         if kind not in KINDS:
             raise PrtnetError(f"tracer: found kind {kind!r}, expected one of {', '.join(KINDS)}")
         self.frame = scene.frame
-        vertices = self.frame.to_unit(np.asarray(scene.vertices, np.float64))
+        vertices = self.frame.to_unit(scene.vertices)
         faces = np.ascontiguousarray(scene.faces, np.int32)
         self.offset = _offset(vertices)
         self.rays_traced = 0
@@ -76,14 +66,14 @@ class Tracer:
         self, positions: Float[np.ndarray, "n 3"], geometric_normals: Float[np.ndarray, "n 3"]
     ) -> Float[np.ndarray, "n 3"]:
         """Where rays start: unit coordinates, float32, off the surface along the unit geometric normals."""
-        unit = self.frame.to_unit(np.asarray(positions, np.float64))
+        unit = self.frame.to_unit(positions)
         return (unit + self.offset * geometric_normals).astype(np.float32)
 
     def occluded(
         self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> Bool[np.ndarray, " n"]:
         """Whether rays from `origins` (scene coordinates; no offset is added) hit anything."""
-        start = self.frame.to_unit(np.asarray(origins, np.float64)).astype(np.float32)
+        start = self.frame.to_unit(origins).astype(np.float32)
         self.rays_traced += len(start)
         return self._occluded(start, np.ascontiguousarray(directions, np.float32))
 

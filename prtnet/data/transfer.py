@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from prtnet import PrtnetError
 from prtnet.data import directions as sets
+from prtnet.data.samples import morton_order
 from prtnet.data.tracer import Table, Tracer
 
 log = logging.getLogger(__name__)
@@ -54,7 +55,7 @@ def bake(
         out[index] = tracer.gather(tracer.origins(positions[index], sides[index]), turned, table)
         return len(index)
 
-    order = morton_order(tracer.frame.to_unit(np.asarray(positions, np.float64)))
+    order = morton_order(tracer.frame.to_unit(positions))
     chunks = np.array_split(order, max(1, -(-len(order) * len(table.directions) // CHUNK_RAYS)))
     started, done, spoken = time.perf_counter(), 0, time.perf_counter()
     for count in _in_threads(work, chunks, threads or len(os.sched_getaffinity(0))):
@@ -93,13 +94,3 @@ def _log(tracer: Tracer, done: int, total: int, directions: int, seconds: float)
     rate = done * directions / max(seconds, 1e-9)
     left = (total - done) * directions / max(rate, 1e-9)
     log.info("transfer: %s, %d of %d points, %.1f Mray/s, %.0f s left", tracer.kind, done, total, rate / 1e6, left)
-
-
-def morton_order(unit: Float[np.ndarray, "n 3"], bits: int = 10) -> Int[np.ndarray, " n"]:
-    """Order of unit-cube points along the Z curve (Morton 1966): neighbours in the list are neighbours in space."""
-    cell = (np.clip(unit * 0.5 + 0.5, 0, 1) * (2**bits - 1)).astype(np.uint32)
-    code = np.zeros(len(unit), np.uint32)
-    for bit in range(bits):
-        for axis in range(3):
-            code |= ((cell[:, axis] >> np.uint32(bit)) & np.uint32(1)) << np.uint32(3 * bit + axis)
-    return np.argsort(code, kind="stable")

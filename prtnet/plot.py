@@ -1,0 +1,220 @@
+"""Charts: speed against accuracy with its Pareto front, and the training curve."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from math import cos, hypot, log10, pi, sin
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
+
+from prtnet import PrtnetError, chart, store
+from prtnet.score import Row
+
+COLOURS = ("#0b6fb8", "#c8501e", "#2a8a5b", "#8e4fa8", "#b08a00", "#c0397a", "#4c5f73", "#5b9bd5")
+INK, FAINT, GRID = "#22262d", "#6a7280", "#e4e7ec"
+PANELS = (("macs", "multiply-adds per pixel"), ("ms_ratio", "time of a frame, over that of texture"))
+
+
+def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title: str = "") -> None:
+    """Write a PNG of PSNR against multiply-adds and against time: up and left is better.
+
+    Only rows against `reference` are drawn; the front and the noise floor are those of one scene, material and light.
+    With several of these a colour stands for each, else for each method. A point's area grows with its bytes.
+    """
+    shown = [row for row in chart.ordered(rows) if row.reference == reference and row.psnr is not None]
+    if not shown:
+        raise PrtnetError(f"chart: found no row against {reference!r} among {len(rows)}, expected at least one")
+    groups: dict[chart.Group, list[Row]] = {}
+    for row in shown:
+        groups.setdefault(chart.group_of(row), []).append(row)
+    figure = _figure(12.0, 5.4)
+    figure.suptitle(_plain(title or "Speed against accuracy"), x=0.06, ha="left", color=INK, weight="bold", size=14)
+    for place, (key, label) in enumerate(PANELS):
+        axes = figure.add_axes((0.06 + 0.485 * place, 0.115, 0.435, 0.765))
+        _panel(axes, groups, key)
+        axes.set_xlabel(label, color=INK)
+        axes.set_ylabel(f"PSNR against {reference}, dB" if place == 0 else "", color=INK)
+    _save(figure, path)
+
+
+def training_curve(target: Path | BinaryIO, history: Sequence[tuple[int, float]]) -> None:
+    """Write a PNG of the loss against the step, on a logarithmic axis where all losses are above zero."""
+    figure = _figure(8.0, 3.2)
+    axes = figure.add_axes((0.09, 0.16, 0.885, 0.79))
+    _dress(axes)
+    steps, losses = [step for step, _ in history], [loss for _, loss in history]
+    axes.plot(steps, losses, color=COLOURS[0], linewidth=1.4, marker="o" if len(steps) < 3 else "")
+    if losses and min(losses) > 0 and max(losses) > 1.5 * min(losses):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xlabel("step", color=INK)
+    axes.set_ylabel("training loss", color=INK)
+    _save(figure, target)
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The points (cost, accuracy) that no other beats in both, by growing cost."""
+    best: list[tuple[float, float]] = []
+    for cost, accuracy in sorted(points, key=lambda point: (point[0], -point[1])):
+        if not best or accuracy > best[-1][1]:
+            best.append((cost, accuracy))
+    return best
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), dpi=110, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Figure, target: Path | BinaryIO) -> None:
+    # no program or version goes into the file, so that equal inputs give equal bytes
+    options: dict[str, Any] = {"format": "png", "metadata": {"Software": None}}
+    if isinstance(target, Path):
+        with store.atomic(target) as temporary:
+            figure.savefig(temporary, **options)
+    else:
+        figure.savefig(target, **options)
+
+
+def _plain(text: str) -> str:
+    """Text that matplotlib does not take for mathematics."""
+    return " ".join(text.split()).replace("$", r"\$")
+
+
+def _dress(axes: Axes) -> None:
+    axes.grid(True, color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(which="both", colors=FAINT, labelsize=9)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color("#b6bcc6")
+
+
+@dataclass
+class Labels:
+    """Labels still to be written beside their points, and the boxes they must keep off. All in pixels."""
+
+    points: list[tuple[float, float, float, str, str]] = field(default_factory=list)  # x, y, radius, text, colour
+    taken: list[Bbox] = field(default_factory=list)
+
+
+def _panel(axes: Axes, groups: dict[chart.Group, list[Row]], key: str) -> None:
+    _dress(axes)
+    rows = [row for members in groups.values() for row in members]
+    points = [row for row in rows if getattr(row, key) is not None and getattr(row, key) > 0 and not row.is_noise_floor]
+    if not points:
+        axes.set(xticks=[], yticks=[])
+        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color=FAINT)
+        return
+    _limits(axes, [getattr(row, key) for row in points], [row.psnr or 0.0 for row in rows])
+    colours = _colours(groups, points)
+    labels = Labels()
+    for group, members in groups.items():
+        ours = [row for row in points if chart.group_of(row) == group]
+        _draw_front(axes, [(getattr(row, key), row.psnr or 0.0) for row in ours])
+        for floor in (row for row in members if row.is_noise_floor):
+            colour = FAINT if len(groups) == 1 else colours[group]
+            _draw_floor(axes, floor.psnr or 0.0, colour, labels)
+        for row in ours:
+            colour = colours[group] if len(groups) > 1 else colours[row.method]
+            _draw_point(axes, row, key, colour, labels)
+    if len(groups) > 1:
+        handles = [axes.plot([], [], "o", color=colours[group], label=_plain(" · ".join(group)))[0] for group in groups]
+        figure = axes.figure
+        figure.legends.clear()
+        figure.legend(handles=handles, loc="upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
+    _write_labels(axes, labels)
+
+
+def _colours(groups: dict[chart.Group, list[Row]], points: Sequence[Row]) -> dict[Any, str]:
+    names: list[Any] = list(groups) if len(groups) > 1 else sorted({row.method for row in points})
+    return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+
+
+def _limits(axes: Axes, costs: Sequence[float], accuracies: Sequence[float]) -> None:
+    """A logarithmic cost axis and a linear accuracy axis, with room for labels around the outermost points."""
+    axes.set_xscale("log")
+    low, high = log10(min(costs)), log10(max(costs))
+    pad = max(0.14 * (high - low), 0.25)
+    axes.set_xlim(10 ** (low - pad), 10 ** (high + pad))
+    pad = max(0.12 * (max(accuracies) - min(accuracies)), 1.0)
+    axes.set_ylim(min(accuracies) - pad, max(accuracies) + pad)
+    narrow = high - low + 2 * pad < 2
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1 else chart.count(value)))
+
+
+def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+    best = front(points)
+    if not best:
+        return
+    costs = [best[0][0], *(cost for cost, _ in best), axes.get_xlim()[1]]
+    accuracies = [axes.get_ylim()[0], *(accuracy for _, accuracy in best), best[-1][1]]
+    axes.plot(costs, accuracies, drawstyle="steps-post", color="#aeb5c0", linewidth=1.2, zorder=1)
+
+
+def _draw_floor(axes: Axes, level: float, colour: str, labels: Labels) -> None:
+    axes.axhline(level, color=colour, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
+    place = axes.get_window_extent().x0 + 5, axes.transData.transform((1.0, level))[1] + 4
+    text = axes.text(*place, f"noise floor {level:.1f} dB", transform=None, color=colour, size=8.5)
+    labels.taken.append(text.get_window_extent())
+
+
+def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> None:
+    place = getattr(row, key), row.psnr or 0.0
+    area = 45.0 if row.bytes is None else min(max(55 * log10(max(row.bytes, 10)) - 130, 45), 420)
+    axes.scatter(
+        *place, s=area, facecolor="none" if row.bytes is None else colour, edgecolor=colour, alpha=0.85, zorder=3
+    )
+    radius = (area / pi) ** 0.5 * axes.figure.dpi / 72
+    x, y = axes.transData.transform(place)
+    labels.taken.append(Bbox.from_extents(x - radius, y - radius, x + radius, y + radius))
+    text = chart.method_name(row) + ("" if row.bytes is None else f" · {chart.size(row.bytes)}")
+    labels.points.append((x, y, radius, _plain(text), colour))
+
+
+def _write_labels(axes: Axes, labels: Labels) -> None:
+    """Each label at the nearest free place around its point, with a thin line to it where that is far."""
+    inside = axes.get_window_extent()
+    for x, y, radius, text, colour in labels.points:
+        written = axes.text(x, y, text, transform=None, color=INK, size=9, ha="left", va="bottom", zorder=4)
+        extent = written.get_window_extent()
+        box = min(
+            _places(x, y, radius, extent.width, extent.height), key=lambda each: _cost(each, labels.taken, inside)
+        )
+        written.set_position((box.x0, box.y0))
+        labels.taken.append(box)
+        near = min(max(x, box.x0), box.x1), min(max(y, box.y0), box.y1)
+        if hypot(near[0] - x, near[1] - y) > radius + 12:
+            axes.plot((x, near[0]), (y, near[1]), transform=None, color=colour, linewidth=0.7, zorder=2)
+
+
+def _places(x: float, y: float, radius: float, width: float, height: float) -> Iterator[Bbox]:
+    """Boxes around a point, the nearest first: right, above, below, left, then between these."""
+    for distance, turn in product((4, 14, 26, 40, 58, 80), (0, 2, 6, 4, 1, 7, 3, 5)):
+        right, up = round(cos(turn * pi / 4), 9), round(sin(turn * pi / 4), 9)
+        reach = radius + distance
+        left = x + right * reach - width * (1 - right) / 2
+        bottom = y + up * reach - height * (1 - up) / 2
+        yield Bbox.from_bounds(left, bottom, width, height)
+
+
+def _cost(box: Bbox, taken: Sequence[Bbox], inside: Bbox) -> float:
+    """Pixels squared that a label would hide, or lose beyond the axes."""
+    hidden = sum(_overlap(box, other) for other in taken)
+    return hidden + 4 * (box.width * box.height - _overlap(box, inside))
+
+
+def _overlap(a: Bbox, b: Bbox) -> float:
+    common = Bbox.intersection(a, b)
+    return 0.0 if common is None else common.width * common.height

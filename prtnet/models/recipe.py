@@ -1,32 +1,99 @@
-"""What a network is and how it is trained, as plain values: no torch here, so that the command line stays quick."""
+"""Training recipes: everything of a net and its training but the net's size."""
 
 from dataclasses import dataclass
+
+from prtnet import PrtnetError
 
 
 @dataclass
 class ModelOptions:
-    width: int = 64  # neurons of a hidden layer
+    """The size of the network. It stands here, without torch, so that the command line stays quick."""
+
+    width: int = 64  # neurons of each hidden layer
     depth: int = 4  # hidden layers; the output layer comes on top
 
 
 @dataclass
 class TrainOptions:
-    """The published recipe: Sirikonda et al. 2022, *Learnt Transfer*. `configs/train/` holds this and the default one."""
+    """One recipe. The defaults are the default recipe; configs/train/ holds the same figures with their reasons."""
 
-    recipe: str = "published"  # name in tables
-    activation: str = "leaky_relu"  # leaky_relu, gelu, silu
-    output: str = "tanh"  # tanh, linear
-    residual: bool = False  # learn the difference to the unoccluded cosine lobe
-    position_frequencies: int = 10
-    normal_frequencies: int = 4
-    loss: str = "l1"  # l1, l2, huber
-    huber_delta: float = 0.02  # in units of transfer / pi
-    optimiser: str = "adam"
-    learning_rate: float = 1e-3
-    schedule: str = "constant"  # constant, cosine, one_cycle
+    recipe: str = "default"  # its name, for tables
+    # the net around its layers
+    activation: str = "silu"  # leaky_relu | gelu | silu
+    negative_slope: float = 0.01  # of leaky_relu
+    output: str = "linear"  # tanh | linear
+    residual: bool = True  # the layers learn what occlusion changes of the transfer of an unoccluded point
+    position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
+    normal_frequencies: int = 2
+    # what is minimised
+    loss: str = "huber"  # l1 | l2 | huber
+    huber_delta: float = 0.02  # of huber, in units of t / pi
+    band_falloff: float = 0.0  # band l weighs (1 + l)^-band_falloff
+    dark_weight: float = 0.0  # a point weighs (its open share)^-dark_weight, about as the display curve shows errors
+    # how
+    optimiser: str = "adam"  # adam | muon (hidden matrices; adam for the rest)
+    learning_rate: float = 0.01  # the highest, of adam
+    muon_rate: float = 0.02  # the highest, of muon
+    schedule: str = "cosine"  # constant | cosine | one_cycle
+    warmup: float = 0.02  # share of the steps in which the rate climbs from 0; of cosine and one_cycle
+    beta2: float = 0.999  # of adam
     batch: int = 8192
-    steps: int | None = None  # fixed number of steps; when left out, cpu_seconds says
-    cpu_seconds: float = 90.0  # turned into steps by a calibration that is kept with the run
-    precision: str = "auto"  # float32, bfloat16, or auto = the quicker one on this machine
-    checkpoint_seconds: float = 20.0
+    average: float = 0.0  # decay of the running mean of the weights that is exported; 0: the last weights
+    precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it
+    device: str = "auto"  # cpu | cuda | auto: cuda where torch sees one
     seed: int = 0
+    # how long
+    steps: int | None = None  # null: as many as fit into cpu_seconds, by one calibration
+    cpu_seconds: float = 60.0
+    checkpoint_seconds: float = 20.0  # CPU-seconds between checkpoints
+
+
+def published() -> TrainOptions:
+    """Learnt Transfer (Sirikonda, Aakash KT and Narayanan 2022): L1, Adam at a constant rate, leaky-ReLU, tanh.
+
+    The paper gives no rate; ours won a search over constant rates.
+    """
+    return TrainOptions(
+        recipe="published",
+        activation="leaky_relu",
+        negative_slope=0.01,
+        output="tanh",
+        residual=False,
+        position_frequencies=10,
+        normal_frequencies=4,
+        loss="l1",
+        band_falloff=0.0,
+        dark_weight=0.0,
+        optimiser="adam",
+        learning_rate=0.001,
+        schedule="constant",
+        warmup=0.0,
+        beta2=0.999,
+        batch=8192,
+        average=0.0,
+    )
+
+
+def check(options: TrainOptions) -> None:
+    """Raises PrtnetError where a field holds a word or number that means nothing."""
+    words = {
+        "activation": ("leaky_relu", "gelu", "silu"),
+        "output": ("tanh", "linear"),
+        "loss": ("l1", "l2", "huber"),
+        "optimiser": ("adam", "muon"),
+        "schedule": ("constant", "cosine", "one_cycle"),
+        "precision": ("auto", "float32", "bfloat16"),
+        "device": ("auto", "cpu", "cuda"),
+    }
+    for field, allowed in words.items():
+        found = getattr(options, field)
+        if found not in allowed:
+            raise PrtnetError(f"train.{field}: found {found!r}, expected one of {', '.join(allowed)}")
+    for field in ("learning_rate", "muon_rate", "huber_delta", "batch", "cpu_seconds"):
+        if not getattr(options, field) > 0:
+            raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected more than 0")
+    for field in ("warmup", "average", "beta2"):
+        if not 0 <= getattr(options, field) < 1:
+            raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected 0 or more, and less than 1")
+    if options.steps is not None and options.steps < 1:
+        raise PrtnetError(f"train.steps: found {options.steps}, expected 1 or more, or null")

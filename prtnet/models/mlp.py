@@ -1,0 +1,90 @@
+"""The network in torch: the encoded position and normal through `depth` hidden layers of `width` to t / pi.
+
+Learnt Transfer (Sirikonda, Aakash KT and Narayanan 2022, *PRT with Neural Networks*) is this with leaky-ReLU, tanh
+and no residual. With the residual the layers learn only what occlusion takes away from the cosine lobe.
+"""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+from prtnet import sh
+from prtnet.models.encoding import encode
+from prtnet.models.recipe import ModelOptions, TrainOptions
+from prtnet.netspec import NetSpec, encoded_size
+
+SCALE = math.pi  # the network predicts t / SCALE, which lies within tanh's reach
+
+
+class Mlp(nn.Module):
+    """Predicts t / pi, without the residual's analytic lobe, which callers take off the targets (`unlearned`)."""
+
+    def __init__(self, model: ModelOptions, head: TrainOptions, bands: int, generator: torch.Generator) -> None:
+        super().__init__()
+        self.head, self.bands = head, bands
+        inputs = encoded_size(head.position_frequencies, head.normal_frequencies)
+        sizes = [inputs, *[model.width] * model.depth, sh.count(bands)]
+        pairs = list(zip(sizes[1:], sizes, strict=False))
+        self.weights = nn.ParameterList(_uniform((rows, columns), columns, generator) for rows, columns in pairs)
+        self.biases = nn.ParameterList(_uniform((rows,), columns, generator) for rows, columns in pairs)
+
+    def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n k"]:
+        head = self.head
+        h = torch.cat([encode(positions, head.position_frequencies), encode(normals, head.normal_frequencies)], 1)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            h = self._bend(functional.linear(h, weight, bias))
+        h = functional.linear(h, self.weights[-1], self.biases[-1])
+        return torch.tanh(h) if head.output == "tanh" else h
+
+    def _bend(self, x: Tensor) -> Tensor:
+        if self.head.activation == "leaky_relu":
+            return functional.leaky_relu(x, self.head.negative_slope)
+        if self.head.activation == "silu":
+            return functional.silu(x)
+        return functional.gelu(x, approximate="tanh")
+
+    def unlearned(self, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n k"]:
+        """The part of t / pi that is not learned: the unoccluded lobe of a residual head, else 0."""
+        if not self.head.residual:
+            return torch.zeros(len(normals), sh.count(self.bands), dtype=normals.dtype, device=normals.device)
+        lobe = sh.cosine_lobe(normals.cpu().numpy(), self.bands) / SCALE
+        return torch.from_numpy(lobe).to(normals)
+
+    def spec(
+        self,
+        parameters: list[Tensor] | None = None,
+        *,
+        centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        scale: float = 1.0,
+        name: str = "net",
+    ) -> NetSpec:
+        """The net to hand over; `centre` and `scale` take file coordinates to the unit positions it was trained on.
+
+        `parameters`, weights first, stand in for the module's own.
+        """
+        arrays = [p.detach().cpu().float().numpy().copy() for p in parameters or self.parameters()]
+        head = self.head
+        return NetSpec(
+            weights=tuple(arrays[: len(self.weights)]),
+            biases=tuple(arrays[len(self.weights) :]),
+            position_frequencies=head.position_frequencies,
+            normal_frequencies=head.normal_frequencies,
+            activation=head.activation,
+            negative_slope=head.negative_slope,
+            output=head.output,
+            output_scale=SCALE,
+            residual=head.residual,
+            bands=self.bands,
+            centre=centre,
+            scale=scale,
+            name=name,
+        )
+
+
+def _uniform(shape: tuple[int, ...], fan_in: int, generator: torch.Generator) -> nn.Parameter:
+    """torch.nn.Linear's own initial values, drawn from a passed generator."""
+    bound = 1 / math.sqrt(fan_in)
+    return nn.Parameter((torch.rand(shape, generator=generator) * 2 - 1) * bound)

@@ -1,0 +1,172 @@
+"""The state of a training run, and one step of it."""
+
+import hashlib
+import logging
+import time
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from prtnet import PrtnetError, sh, store
+from prtnet.models import checkpoint, loss, optimiser
+from prtnet.models.mlp import SCALE, Mlp, ModelOptions
+from prtnet.models.recipe import TrainOptions, check
+
+log = logging.getLogger(__name__)
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Points:
+    """Surface points to learn from or to test on: unit positions in [-1, 1]^3, unit normals, transfer."""
+
+    positions: Float[Array, "n 3"]
+    normals: Float[Array, "n 3"]
+    transfer: Float[Array, "n k"]
+
+
+class Run:
+    """The state of a training run, and one step of it."""
+
+    def __init__(self, points: Points, model: ModelOptions, options: TrainOptions, steps: int) -> None:
+        check(options)
+        _check_points(points, model, steps)
+        self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
+        self.device = choose_device(options.device)
+        self.bfloat16 = options.precision == "bfloat16" or (options.precision == "auto" and fast_bfloat16(self.device))
+        bands = sh.bands_of(points.transfer.shape[1])
+        self.net = Mlp(model, options, bands, torch.Generator().manual_seed(options.seed)).to(self.device)
+        self.optimisers = optimiser.make(self.net, options)
+        self.average = [parameter.detach().clone() for parameter in self.net.parameters()] if options.average else []
+        self.band_weights = loss.band_weights(bands, options.band_falloff).to(self.device)
+        self.table = self._table(points)
+        self.batch = min(options.batch, len(self.table))
+        self.history = torch.zeros(steps, device=self.device)
+        self._epoch, self._order = -1, torch.empty(0)
+
+    def _table(self, points: Points) -> Tensor:
+        """Position, normal, point weight and target of a point side by side: a batch is one gather of whole rows."""
+        positions, normals, transfer = (
+            torch.from_numpy(np.ascontiguousarray(array, np.float32))
+            for array in (points.positions, points.normals, points.transfer)
+        )
+        weights = loss.point_weights(transfer, self.options.dark_weight)
+        target = transfer / SCALE - self.net.unlearned(normals)
+        return torch.cat([positions, normals, weights[:, None], target], 1).to(self.device)
+
+    def advance(self) -> None:
+        """One step."""
+        started = self._clock()
+        rows = self._rows()
+        optimiser.set_rate(self.optimisers, optimiser.rate(self.options, self.step, self.steps))
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
+            predicted = self.net(rows[:, :3], rows[:, 3:6])
+        value = loss.loss(
+            predicted,
+            rows[:, 7:],
+            kind=self.options.loss,
+            delta=self.options.huber_delta,
+            bands=self.band_weights,
+            points=rows[:, 6],
+        )
+        value.backward()
+        for each in self.optimisers:
+            each.step()
+            each.zero_grad()
+        if self.average:
+            for mean, parameter in zip(self.average, self.net.parameters(), strict=True):
+                mean.lerp_(parameter.detach(), 1 - self._decay())
+        self.history[self.step] = value.detach()
+        self.step += 1
+        self.cpu_seconds += self._clock() - started
+
+    def _decay(self) -> float:
+        """Short at first, so that the first weights are soon forgotten."""
+        return min(self.options.average, (self.step + 1) / (self.step + 10))
+
+    def _rows(self) -> Tensor:
+        epoch, index = divmod(self.step, len(self.table) // self.batch)
+        if epoch != self._epoch:
+            generator = torch.Generator().manual_seed(self.options.seed * 1_000_003 + epoch)
+            self._epoch = epoch
+            self._order = torch.randperm(len(self.table), generator=generator).to(self.device)
+        return self.table[self._order[index * self.batch : (index + 1) * self.batch]]
+
+    def _clock(self) -> float:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize()
+            return time.perf_counter()
+        return time.thread_time()
+
+    def parameters(self) -> list[Tensor]:
+        """What the net to hand over is made of: the mean weights where they are kept, else the last ones."""
+        return self.average or [parameter.detach() for parameter in self.net.parameters()]
+
+    def state(self) -> checkpoint.State:
+        """Everything that a resumed run needs. Inverse of `restore`."""
+        state = {f"net.{name}": tensor for name, tensor in self.net.state_dict().items()}
+        state |= checkpoint.optimiser_state(self.optimisers)
+        state |= {f"average.{i}": tensor for i, tensor in enumerate(self.average)}
+        counters = torch.tensor([self.step, self.cpu_seconds], dtype=torch.float64)
+        return state | {"counters": counters, "history": self.history}
+
+    def restore(self, state: checkpoint.State | None) -> None:
+        """Goes on from a checkpoint, if there is one."""
+        if state is None:
+            return
+        self.net.load_state_dict({name: state[f"net.{name}"] for name in self.net.state_dict()})
+        checkpoint.set_optimiser_state(self.optimisers, state)
+        self.average = [state[f"average.{i}"].to(self.device) for i in range(len(self.average))]
+        self.history = state["history"].to(self.device)
+        self.step, self.cpu_seconds = int(state["counters"][0]), float(state["counters"][1])
+        log.info("training goes on from step %d of %d", self.step, self.steps)
+
+    def fingerprint(self, points: Points) -> str:
+        """What the bytes of the result depend on: a checkpoint of any other run is not gone on from."""
+        digest = hashlib.sha256()
+        for array in (points.positions, points.normals, points.transfer):
+            digest.update(np.ascontiguousarray(array).data)
+        settings = asdict(self.options) | {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
+        for field in ("recipe", "precision", "cpu_seconds", "checkpoint_seconds"):
+            del settings[field]
+        layers = [list(weight.shape) for weight in self.net.weights]
+        return store.content_key({"settings": settings, "layers": layers, "points": digest.hexdigest()})
+
+
+def choose_device(name: str) -> torch.device:
+    """The device of that name; auto: CUDA where torch sees one."""
+    if name == "cuda" and not torch.cuda.is_available():
+        raise PrtnetError("train.device: found no CUDA device in torch, expected one; use train.device=auto")
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    return torch.device(name)
+
+
+def fast_bfloat16(device: torch.device) -> bool:
+    """Whether the device multiplies bfloat16 in hardware: elsewhere it is emulated, and slower than float32."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
+
+
+def _check_points(points: Points, model: ModelOptions, steps: int) -> None:
+    if min(model.width, model.depth, steps) < 1:
+        raise PrtnetError(
+            f"model: found width {model.width}, depth {model.depth} and {steps} steps, expected 1 or more of each"
+        )
+    count = len(points.transfer)
+    if not count or len(points.positions) != count or len(points.normals) != count:
+        raise PrtnetError(
+            f"training samples: found {len(points.positions)} positions, {len(points.normals)} normals and {count}"
+            " transfers, expected equally many, and at least one"
+        )
+    for name, array in (("position", points.positions), ("normal", points.normals), ("transfer", points.transfer)):
+        if not np.isfinite(array).all():
+            raise PrtnetError(f"training samples: found a {name} that is NaN or infinite; bake them again")
+    reach = float(np.abs(points.positions).max())
+    if reach > 1.01:
+        raise PrtnetError(f"training samples: found positions up to {reach:.4g}, expected them centred in [-1, 1]^3")

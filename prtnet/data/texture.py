@@ -1,0 +1,137 @@
+"""Transfer textures: which surface point each texel stands for, and the texture made from the transfer there.
+
+Texture arrays are images: row 0 on top is v = 1, texel centres at half-integers, `index` = row * size + column.
+"""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import OpenImageIO as oiio
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
+
+from prtnet import PrtnetError, gl
+from prtnet.data.atlas import Atlas
+from prtnet.data.samples import at_barycentric
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Texels:
+    """Surface points of the texels that charts touch, in the order of `index`."""
+
+    # scene coordinates of atlas.scene; where a chart only grazes the texel, its point nearest to the texel's centre
+    positions: Float64[Array, "n 3"]
+    # unit shading normals
+    normals: Float32[Array, "n 3"]
+    # unit normals of the triangles
+    geometric_normals: Float32[Array, "n 3"]
+    # face of atlas.scene
+    face: Int32[Array, " n"]
+    # flat texel, ascending
+    index: Int[Array, " n"]
+    size: int
+
+
+def gbuffer(atlas: Atlas, size: int) -> Texels:
+    """Rasterise the atlas: one surface point for every texel that a chart touches, be it at a corner.
+
+    The nearest face wins, so a texel whose centre is covered belongs to the face that covers it. The rasteriser names
+    face and barycentric coordinates; positions follow in float64 and lie on the surface.
+    """
+    image = _rasterise(atlas, size).reshape(-1, 4)
+    index = np.flatnonzero(image[:, 0] > 0)
+    face = image[index, 0].astype(np.int64) - 1
+    second, third = image[index, 1].astype(np.float64), image[index, 2].astype(np.float64)
+    points = at_barycentric(atlas.scene, face, np.stack([1 - second - third, second, third], axis=1))
+    log.info(
+        "atlas: %d of %d^2 texels used, %d of them along borders", len(index), size, np.count_nonzero(image[index, 3])
+    )
+    return Texels(points.positions, points.normals, points.geometric_normals, points.face, index, size)
+
+
+def _rasterise(atlas: Atlas, size: int) -> Float32[Array, "size size 4"]:
+    """(face + 1, b1, b2, distance in texels) of every texel; 0 where no face is near."""
+    context, target = gl.context(), gl.target(size, size, depth=True)
+    shader = gl.program(gl.shader("uv.vert.glsl"), gl.shader("uv_texels.frag.glsl"), gl.shader("uv_texels.geom.glsl"))
+    gl.put(shader, size=float(size))
+    uv = context.buffer(np.ascontiguousarray(atlas.uv).tobytes())
+    faces = context.buffer(np.ascontiguousarray(atlas.scene.faces).tobytes())
+    target.clear()
+    context.disable(moderngl.CULL_FACE | moderngl.BLEND)
+    context.enable(moderngl.DEPTH_TEST)
+    context.depth_func = "<"
+    context.vertex_array(shader, [(uv, "2f", "atlas_uv")], faces).render(moderngl.TRIANGLES)
+    context.disable(moderngl.DEPTH_TEST)
+    return target.read()
+
+
+def assemble(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3) -> Float32[Array, "size size k"]:
+    """The texture: the transfer of every used texel, grown outwards by `dilation` rings so that bilinear look-ups near
+    chart borders find no zeros. Each ring is the mean of its valid neighbours among eight.
+    """
+    size = texels.size
+    flat = np.zeros((size * size, transfer.shape[1]), np.float32)
+    flat[texels.index] = transfer
+    valid = mask(texels)
+    for _ in range(dilation):
+        ring, sums, counts = _ring(flat, valid)
+        flat[ring] = sums / counts[:, None]
+        valid.reshape(-1)[ring] = True
+    return flat.reshape(size, size, -1)
+
+
+def mask(texels: Texels) -> Bool[Array, "size size"]:
+    """Which texels have a surface point of their own."""
+    valid = np.zeros((texels.size, texels.size), bool)
+    valid.reshape(-1)[texels.index] = True
+    return valid
+
+
+def _ring(
+    flat: Float32[Array, "t k"], valid: Bool[Array, "size size"]
+) -> tuple[Int[Array, " n"], Float32[Array, "n k"], Int[Array, " n"]]:
+    """Texels that are not valid but have valid neighbours, with the neighbours' sum and count."""
+    size = len(valid)
+    padded = np.pad(valid, 1)
+    offsets = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if (row, column) != (0, 0)]
+    near = [padded[1 + r : 1 + r + size, 1 + c : 1 + c + size] for r, c in offsets]
+    counts = np.sum(near, axis=0, dtype=np.int64)
+    ring = np.flatnonzero((counts > 0) & ~valid)
+    sums = np.zeros((len(ring), flat.shape[1]), np.float32)
+    for (row, column), neighbour in zip(offsets, near, strict=True):
+        has = neighbour.reshape(-1)[ring]
+        sums[has] += flat[ring[has] + row * size + column]
+    return ring, sums, counts.reshape(-1)[ring]
+
+
+def write_exr(path: Path, texture: Float[Array, "h w k"], *, half: bool = True) -> None:
+    """Save as one EXR with channels t00, t01, ... (16 or 32 bit floats, ZIP). Inverse: `read_exr`."""
+    height, width, channels = texture.shape
+    kind = "half" if half else "float"
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    # readers sort channels by name, so the numbers are padded
+    spec.channelnames = [f"t{channel:02d}" for channel in range(channels)]
+    spec.attribute("compression", "zip")
+    output = oiio.ImageOutput.create(str(path))
+    if output is None or not output.open(str(path), spec):
+        raise PrtnetError(f"{path}: cannot be written as EXR: {oiio.geterror()}")
+    written = output.write_image(np.ascontiguousarray(texture, np.float32))
+    if not (output.close() and written):
+        raise PrtnetError(f"{path}: writing the EXR failed: {output.geterror()}")
+
+
+def read_exr(path: Path) -> Float32[Array, "h w k"]:
+    """All channels of an EXR in the order of its file. Inverse of `write_exr`."""
+    image = oiio.ImageInput.open(str(path))
+    if image is None:
+        raise PrtnetError(f"{path}: expected a readable EXR texture: {oiio.geterror()}")
+    pixels = image.read_image("float")
+    image.close()
+    if pixels is None:
+        raise PrtnetError(f"{path}: expected a whole EXR texture, found a broken one: {image.geterror()}")
+    return np.asarray(pixels, np.float32)

@@ -1,0 +1,171 @@
+"""OpenGL without a window: one headless context, float targets, full-screen passes, read-back, timing.
+
+NumPy images have row 0 on top everywhere in prtnet, OpenGL keeps row 0 at the bottom. The flip happens in this file
+and nowhere else: `upload`, `upload_layers` and `read` take and return top-down arrays, so v = 1 of a texture
+coordinate is the top row of its image.
+"""
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import moderngl
+import numpy as np
+from jaxtyping import Float
+
+from prtnet import PrtnetError
+
+log = logging.getLogger(__name__)
+SHADERS = Path(__file__).parent / "render" / "shaders"
+EGL: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+_cache = threading.local()
+
+
+def context() -> moderngl.Context:
+    """The headless EGL context of this process and thread, made at the first call.
+
+    A context belongs to the thread that made it, and does not survive a fork: either gets its own.
+    Raises PrtnetError when EGL or an OpenGL 3.3 driver is missing.
+    """
+    if getattr(_cache, "process", None) != os.getpid():
+        _cache.context, _cache.process = _create(), os.getpid()
+    _cache.context.gc()
+    return _cache.context
+
+
+def _create() -> moderngl.Context:
+    try:
+        made = moderngl.create_context(require=330, standalone=True, **EGL)
+    except Exception as error:  # glcontext raises bare Exception
+        raise PrtnetError(
+            f"OpenGL: no headless EGL context of version 3.3 could be made ({error}); "
+            "a driver and its libraries are expected: apt-get install libegl1 libgl1"
+        ) from error
+    # released by context() in the thread that owns the context, never by whichever thread collects garbage
+    made.gc_mode = "context_gc"
+    log.info("OpenGL: %s", made.info["GL_RENDERER"])
+    return made
+
+
+def shader(name: str) -> str:
+    """The text of a file in render/shaders, without its version line (`program` writes that)."""
+    return (SHADERS / name).read_text()
+
+
+def program(vertex: str, fragment: str, geometry: str | None = None, **defines: object) -> moderngl.Program:
+    """Compile shader texts as GLSL 330, each with `#define NAME value` lines on top.
+
+    Raises PrtnetError with the compiler's own message, for the text may come from a file.
+    """
+    head = "#version 330 core\n" + "".join(f"#define {name} {value}\n" for name, value in defines.items())
+    try:
+        return context().program(
+            vertex_shader=head + vertex,
+            fragment_shader=head + fragment,
+            geometry_shader=None if geometry is None else head + geometry,
+        )
+    except moderngl.Error as error:
+        raise PrtnetError(f"GLSL: the shader does not compile: {error}") from error
+
+
+def put(program: moderngl.Program, **uniforms: object) -> None:
+    """Set uniforms by name: arrays as float32 bytes, the rest as values. What the compiler dropped is passed over."""
+    for name, value in uniforms.items():
+        uniform = program.get(name, None)
+        if not isinstance(uniform, moderngl.Uniform):
+            continue
+        if isinstance(value, np.ndarray):
+            uniform.write(np.ascontiguousarray(value, np.float32).tobytes())
+        else:
+            uniform.value = value
+
+
+@dataclass(frozen=True)
+class Target:
+    """A float32 RGBA frame buffer of some layers, with or without depth."""
+
+    framebuffer: moderngl.Framebuffer
+
+    @property
+    def layers(self) -> int:
+        return len(self.framebuffer.color_attachments)
+
+    def clear(self) -> None:
+        self.framebuffer.use()
+        self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+
+    def read(self, layer: int = 0) -> Float[np.ndarray, "h w 4"]:
+        """Inverse of drawing: the pixels, row 0 on top."""
+        width, height = self.framebuffer.size
+        data = self.framebuffer.read(components=4, attachment=layer, dtype="f4")
+        return np.frombuffer(data, np.float32).reshape(height, width, 4)[::-1].copy()
+
+
+def target(width: int, height: int, layers: int = 1, *, depth: bool = False) -> Target:
+    """A new `Target`. Depth is 32 bit floating point. Raises PrtnetError above the driver's largest size."""
+    limit = context().info["GL_MAX_TEXTURE_SIZE"]
+    if not 1 <= min(width, height) <= max(width, height) <= limit:
+        raise PrtnetError(
+            f"image size: found {width} x {height}, expected 1 to {limit} (this driver's largest texture)"
+        )
+    colours = [context().texture((width, height), 4, dtype="f4") for _ in range(layers)]
+    depth_texture = context().depth_texture((width, height)) if depth else None
+    return Target(context().framebuffer(colours, depth_texture))
+
+
+def fullscreen(program: moderngl.Program, target: Target) -> None:
+    """Run a program of `fullscreen.vert.glsl` and some fragment shader once per pixel."""
+    context().disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+    target.framebuffer.use()
+    context().vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+
+
+def upload(image: Float[np.ndarray, "h w c"], *, half: bool = False) -> moderngl.Texture:
+    """A nearest-neighbour texture of 1 to 4 channels; texel (row, column) of `image` keeps its place, row 0 on top."""
+    height, width, channels = image.shape
+    kind = np.float16 if half else np.float32
+    made = context().texture((width, height), channels, _bytes(image, kind), dtype="f2" if half else "f4", alignment=1)
+    made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    made.repeat_x = made.repeat_y = False
+    return made
+
+
+def upload_layers(image: Float[np.ndarray, "h w k"], *, half: bool = False) -> moderngl.TextureArray:
+    """A bilinear array of ceil(k/4) RGBA layers, the last one padded with 0; clamped at the border."""
+    height, width, channels = image.shape
+    layers, kind = layer_count(channels), np.float16 if half else np.float32
+    padded = np.zeros((layers, height, width, 4), kind)
+    for channel in range(channels):
+        padded[channel // 4, :, :, channel % 4] = image[::-1, :, channel]
+    made = context().texture_array((width, height, layers), 4, padded.tobytes(), dtype="f2" if half else "f4")
+    made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    made.repeat_x = made.repeat_y = False
+    return made
+
+
+def layer_count(channels: int) -> int:
+    """RGBA layers that hold this many channels."""
+    return -(-channels // 4)
+
+
+def _bytes(image: np.ndarray, kind: type) -> bytes:
+    return np.ascontiguousarray(image[::-1], kind).tobytes()
+
+
+def milliseconds(draw: Callable[[], object], repeats: int = 5) -> float:
+    """Median wall time of `draw` after one warm-up. GL_TIME_ELAPSED lies on llvmpipe, so: finish and a clock."""
+    draw()
+    context().finish()
+    taken = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        draw()
+        context().finish()
+        taken.append(1000 * (time.perf_counter() - start))
+    return median(taken)

@@ -57,7 +57,6 @@ class RenderOptions:
     size: int = 256  # pixels along one side
     views: int = 8  # uniform on the scene's camera path
     traced_directions: int = 4096  # rays per pixel of the reference
-    noise_directions: int = 4096  # rays per pixel of the second reference that gives the noise floor
 
 
 @dataclass
@@ -75,7 +74,7 @@ class Config:
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one
     threads: int | None = None  # of ray tracing; all cores when left out
-    seed: int = 0
+    seed: int = 0  # of points and rays; scene.seed and train.seed are their own
 
 
 def register() -> None:

@@ -1,0 +1,31 @@
+"""The stages of a run, in order: bake, train, export, score. Each result is kept under a hash of its inputs.
+
+`stages` names what is wanted; what the wanted needs is made as well where it is missing. The same command again finds
+everything and only prints.
+"""
+
+from prtnet.config import STAGES, Config
+
+
+def run(config: Config, sweep_point: str | None = None) -> None:
+    """Run a job. Raises PrtnetError for whatever the user can mend."""
+    # each stage imports what it needs, so that `stages=[bake]` never waits for torch
+    from prtnet.pipeline.bake import bake
+    from prtnet.pipeline.job import open_job
+
+    job = open_job(config, sweep_point)
+    last = max(STAGES.index(stage) for stage in config.stages)
+    baked = bake(job)
+    if last >= STAGES.index("train"):
+        from prtnet.pipeline.train import train
+
+        trained = train(job, baked)
+        if last >= STAGES.index("export"):
+            from prtnet.pipeline.export import export
+
+            exported = export(job, baked, trained)
+            if last >= STAGES.index("score"):
+                from prtnet.pipeline.report import report
+                from prtnet.pipeline.score import score_methods
+
+                report(job, baked, trained, exported, score_methods(job, baked, trained, exported))

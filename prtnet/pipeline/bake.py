@@ -1,0 +1,213 @@
+"""Stage `bake`: training points, test points, and the transfer texture, each with its transfer by ray tracing."""
+
+import logging
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from prtnet import PrtnetError, console, sh
+from prtnet.data import atlas as atlases
+from prtnet.data import samples, texture, transfer
+from prtnet.data.atlas import Atlas
+from prtnet.data.samples import Samples
+from prtnet.pipeline.job import Job
+from prtnet.store import Artifact
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+
+SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
+TEST_DIRECTIONS = 4  # times the training rays: the test set's noise is then half the training set's
+
+
+@dataclass(frozen=True)
+class PointSet:
+    """Points in unit coordinates with their transfer."""
+
+    key: str
+    positions: Float[Array, "n 3"]
+    normals: Float[Array, "n 3"]
+    transfer: Float[Array, "n k"]
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BakedTexture:
+    """The baseline: an atlas and the transfer of its covered texels."""
+
+    key: str
+    atlas: Atlas
+    image: Float[Array, "s s k"]  # dilated
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Baked:
+    training: PointSet
+    areas: PointSet  # the independent test set
+    vertices: PointSet  # the other test set
+    texture: BakedTexture
+
+
+def bake(job: Job) -> Baked:
+    """Everything that rays are needed for, except the references of stage `score`."""
+    options = job.config.samples
+
+    def uniform(purpose: str, count: int) -> Samples:
+        return samples.area_uniform(job.scene, count, job.rng(purpose), sequence=options.sequence)
+
+    def vertices() -> Samples:
+        found = samples.at_vertices(job.scene)
+        few = job.rng("vertices").permutation(len(found.face))[: options.test_count]
+        return samples.select(found, np.sort(few))
+
+    rays = job.config.transfer.directions
+    return Baked(
+        _point_set(job, "training", lambda: uniform("training", options.count), options.count, rays),
+        _point_set(
+            job, "areas", lambda: uniform("areas", options.test_count), options.test_count, rays * TEST_DIRECTIONS
+        ),
+        _point_set(job, "vertices", vertices, options.test_count, rays * TEST_DIRECTIONS),
+        _texture(job),
+    )
+
+
+def traced(
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    *,
+    title: str | None = None,
+    salt: int = 0,
+) -> Artifact:
+    """The transfer of points as an artifact {"transfer": "n k"}, shard by shard: a killed bake goes on where it was.
+
+    `inputs` must tell the points and the `salt` of their rays' rotations; what the transfer depends on besides is
+    added here.
+    """
+    options, title = job.config.transfer, title or stage
+    inputs = dict(inputs) | {"bands": options.bands, "directions": directions, "kind": options.kind}
+    found = job.store.get(stage, inputs)
+    if found is not None:
+        return found
+    count = len(points.positions)
+    size = max(1, SHARD_RAYS // directions)
+    shards = max(1, -(-count // size))
+    if count * directions > SHARD_RAYS // 4:
+        _estimate(job, title, points, directions)
+    with console.progress(title, count, "points") as reach:
+
+        def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
+            first = shard * size
+            part = samples.select(points, np.arange(first, min(count, first + size)))
+            start = time.perf_counter()
+            # a generator per shard: its points' rotations do not depend on which shards this process bakes
+            rng = np.random.default_rng([job.config.seed, salt, shard])
+            values = _bake(job, part, directions, rng, lambda done: reach(first + done))
+            return {"transfer": values}, {"seconds": time.perf_counter() - start}
+
+        parts = job.store.make_shards(stage, inputs, shards, make)
+    seconds = sum(part.facts["seconds"] for part in parts)
+    whole = np.concatenate([part.arrays["transfer"] for part in parts])
+    artifact = job.store.make(stage, inputs, lambda: ({"transfer": whole}, {"seconds": seconds}))
+    job.store.drop_shards(stage, inputs)
+    rate = count * directions / max(seconds, 1e-9) / 1e6
+    log.info("%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate)
+    return artifact
+
+
+def _bake(job: Job, part: Samples, directions: int, rng: np.random.Generator, reach: Any) -> Array:
+    options = job.config.transfer
+    return transfer.bake(
+        job.tracer,
+        part.positions,
+        part.normals,
+        bands=options.bands,
+        directions=directions,
+        rng=rng,
+        geometric_normals=part.geometric_normals,
+        kind=options.kind,
+        progress=reach,
+        threads=job.config.threads,
+    )
+
+
+def _estimate(job: Job, title: str, points: Samples, directions: int) -> None:
+    rate = job.tracer.measure(points.positions, points.normals, directions=directions, threads=job.config.threads)
+    count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
+    title = f"{title}: {count} points x {directions} rays at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
+    console.estimate(title, seconds=count * directions / rate, memory=3 * count * row, disk=count * row)
+
+
+def _point_set(job: Job, purpose: str, draw: Any, count: int, directions: int) -> PointSet:
+    """Points with transfer, less those from which no direction is free: no light ever reaches them."""
+    points = draw()
+    inputs = job.scene_key | {"purpose": purpose, "count": count, "seed": job.config.seed}
+    inputs["sequence"] = job.config.samples.sequence
+    baked = traced(job, purpose, inputs, points, directions)
+    values = baked.arrays["transfer"]
+    free = values[:, 0] > 0
+    enclosed = int(np.sum(~free))
+    if enclosed == len(values):
+        raise PrtnetError(f"{job.scene.name}: all {len(values)} samples are enclosed, expected some that see light")
+    if enclosed:
+        log.info("%s: %d of %d points are fully enclosed and left out", purpose, enclosed, len(values))
+    return PointSet(
+        baked.key,
+        points.positions[free].astype(np.float32),
+        points.normals[free],
+        values[free],
+        baked.facts | {"enclosed": enclosed, "points": len(values)},
+    )
+
+
+def _texture(job: Job) -> BakedTexture:
+    options = job.config.atlas
+    inputs = job.scene_key | {"size": options.size, "single_chart": options.single_chart, "seed": job.config.seed}
+    atlas, seconds = _atlas(job, inputs)
+    texels = texture.gbuffer(atlas, options.size)
+    points = Samples(
+        texels.positions, texels.normals, texels.geometric_normals, np.zeros(len(texels.positions), np.int32)
+    )
+    baked = traced(job, "texture", inputs, points, job.config.transfer.directions)
+    image = texture.assemble(texels, baked.arrays["transfer"], dilation=options.dilation)
+    facts = baked.facts | {
+        "texels": len(texels.positions),
+        "uv": atlas.source,
+        "seconds": seconds + baked.facts["seconds"],
+    }
+    return BakedTexture(baked.key, atlas, image, facts)
+
+
+def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
+    """The atlas, unwrapped once: its mesh is kept as arrays, its materials come from the scene."""
+    options = job.config.atlas
+
+    def make() -> tuple[dict[str, Array], dict[str, Any]]:
+        start = time.perf_counter()
+        made = atlases.make(job.scene, size=options.size, single_chart=options.single_chart)
+        mesh = made.scene
+        arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals, "part": mesh.part}
+        arrays |= {"uv": made.uv} | ({} if mesh.uv is None else {"material_uv": mesh.uv})
+        overlap = None if np.isnan(made.overlap) else made.overlap
+        return arrays, {"source": made.source, "overlap": overlap, "seconds": time.perf_counter() - start}
+
+    kept = job.store.make("atlas", inputs, make)
+    arrays, facts = kept.arrays, kept.facts
+    mesh = replace(
+        job.scene,
+        vertices=arrays["vertices"],
+        faces=arrays["faces"],
+        normals=arrays["normals"],
+        part=arrays["part"],
+        uv=arrays.get("material_uv"),
+        two_sided=np.zeros(len(arrays["faces"]), bool),
+    )
+    overlap = np.nan if facts["overlap"] is None else facts["overlap"]
+    return Atlas(mesh, arrays["uv"], facts["source"], overlap), facts["seconds"]

@@ -1,0 +1,80 @@
+"""Stage `export`: the net as a file and as GLSL, the baseline as EXR, and the shader's error against the NumPy twin."""
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from prtnet import PrtnetError, netspec, store
+from prtnet.data import texture
+from prtnet.export import glsl
+from prtnet.pipeline.bake import Baked
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.train import Trained
+from prtnet.render import verify
+
+log = logging.getLogger(__name__)
+
+MAX_ERROR = 1e-5  # per coefficient, of a shader against the NumPy twin
+CHECKED_POINTS = 1 << 14
+
+
+@dataclass(frozen=True)
+class Exported:
+    shader: str  # the function prt_transfer
+    facts: Mapping[str, Any]
+
+
+def export(job: Job, baked: Baked, trained: Trained) -> Exported:
+    """Write net.safetensors, transfer.glsl, transfer.frag, transfer_texture.exr and export.json into the run folder.
+
+    Raises PrtnetError, and leaves no shader behind, when its error against the NumPy twin is above 1e-5.
+    """
+    shader = glsl.emit(trained.net)
+    whole = glsl.fragment_shader(trained.net)
+    complaint = glsl.validate(whole)
+    if complaint:
+        raise PrtnetError(f"export: glslang refuses the shader: {complaint}")
+    facts = _measured(job, baked, trained, shader)
+    if facts["error_max"] > MAX_ERROR:
+        raise PrtnetError(
+            f"export: the shader differs from the net by {facts['error_max']:.2g} in a coefficient, expected at most "
+            f"{MAX_ERROR:g}; no shader was written"
+        )
+    facts |= {"macs": netspec.macs(trained.net), "bytes": netspec.byte_count(trained.net), "glsl_bytes": len(shader)}
+    netspec.save(trained.net, job.out / "net.safetensors")
+    store.write_text(job.out / "transfer.glsl", shader)
+    store.write_text(job.out / "transfer.frag", whole)
+    store.write_text(job.out / "export.json", json.dumps(facts, indent=1, sort_keys=True) + "\n")
+    _write_texture(job, baked)
+    log.info("export: shader against NumPy: %.1e at most, %.1e on average", facts["error_max"], facts["error_mean"])
+    return Exported(shader, facts)
+
+
+def _measured(job: Job, baked: Baked, trained: Trained, shader: str) -> dict[str, Any]:
+    """The shader run against the NumPy twin at test points of this scene and at random points of the whole cube."""
+    inputs = {"net": trained.key, "shader": shader, "points": CHECKED_POINTS}
+
+    def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        rng = job.rng("export")
+        directions = rng.normal(size=(CHECKED_POINTS, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        few = rng.permutation(len(baked.areas.positions))[:CHECKED_POINTS]
+        positions = np.concatenate([rng.uniform(-1, 1, (CHECKED_POINTS, 3)), baked.areas.positions[few]])
+        normals = np.concatenate([directions, baked.areas.normals[few]])
+        error = verify.glsl_error(trained.net, shader, positions.astype(np.float32), normals.astype(np.float32))
+        return {}, {"error_max": error.max, "error_mean": error.mean}
+
+    return dict(job.store.make("export", inputs, make).facts)
+
+
+def _write_texture(job: Job, baked: Baked) -> None:
+    path, stamp = job.out / "transfer_texture.exr", job.out / ".transfer_texture.key"
+    key = f"{baked.texture.key} {job.config.atlas.dilation} {job.config.atlas.half}"
+    if path.exists() and stamp.exists() and stamp.read_text() == key:
+        return
+    texture.write_exr(path, baked.texture.image, half=job.config.atlas.half)
+    store.write_text(stamp, key)

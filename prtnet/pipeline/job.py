@@ -1,0 +1,102 @@
+"""What all stages of one run share: the scene in unit coordinates, the store, the tracer, the light."""
+
+import logging
+import zlib
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from prtnet import PrtnetError
+from prtnet.config import STAGES, Config
+from prtnet.data import builtin, light, scene
+from prtnet.data.scene import Frame, Scene
+from prtnet.data.tracer import Tracer
+from prtnet.store import Store
+
+log = logging.getLogger(__name__)
+
+# part of every key: raised when a stage's result changes for the same inputs
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run. `scene` has unit coordinates; `frame` leads back to the file's."""
+
+    config: Config
+    out: Path
+    store: Store
+    scene: Scene
+    frame: Frame
+
+    @cached_property
+    def scene_key(self) -> dict[str, Any]:
+        """What every artifact of this scene depends on."""
+        return {"version": VERSION, "scene": self.scene.digest()}
+
+    @cached_property
+    def tracer(self) -> Tracer:
+        return Tracer(self.scene, kind=self.config.transfer.tracer)
+
+    @cached_property
+    def radiance(self) -> np.ndarray:
+        """The light as a lat-long image, "h w 3", linear."""
+        path = self.config.light.path
+        return light.load(Path(path)) if path else light.sky()
+
+    @property
+    def light_name(self) -> str:
+        path = self.config.light.path
+        return Path(path).stem if path else self.config.light.name
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """A generator of its own for each purpose, so that one stage's draws never move another's."""
+        return np.random.default_rng([self.config.seed, zlib.crc32(purpose.encode())])
+
+
+def open_job(config: Config, sweep_point: str | None) -> Job:
+    """Check the options, load and centre the scene, make the run folder. Raises PrtnetError."""
+    _check(config)
+    loaded = _load(config)
+    base = Path(config.out or f"runs/{loaded.name}")
+    out = base / sweep_point if sweep_point else base
+    out.mkdir(parents=True, exist_ok=True)
+    store = Store(Path(config.cache) if config.cache else base / "cache")
+    log.info("%s: %d triangles in %d parts -> %s", loaded.name, len(loaded.faces), len(loaded.materials), out)
+    return Job(config, out, store, loaded.centred(), loaded.frame)
+
+
+def _load(config: Config) -> Scene:
+    options = config.scene
+    if options.path:
+        return scene.load(Path(options.path), two_sided=options.two_sided)
+    return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
+
+
+def _check(config: Config) -> None:
+    unknown = [stage for stage in config.stages if stage not in STAGES]
+    if unknown or not config.stages:
+        raise PrtnetError(f"stages: found {config.stages}, expected some of {', '.join(STAGES)}")
+    if config.light.path is None and config.light.name != "sky":
+        raise PrtnetError(f"light.name: found {config.light.name!r}, expected sky, or a file as light.path")
+    least = {
+        "transfer.bands": 1,
+        "transfer.directions": 1,
+        "samples.count": 1,
+        "samples.test_count": 1,
+        "atlas.size": 16,
+        "model.width": 1,
+        "model.depth": 0,
+        "train.batch": 1,
+        "render.size": 16,
+        "render.views": 1,
+        "render.traced_directions": 1,
+    }
+    values = asdict(config)
+    for key, minimum in least.items():
+        group, name = key.split(".")
+        if values[group][name] < minimum:
+            raise PrtnetError(f"{key}: found {values[group][name]}, expected at least {minimum}")

@@ -1,0 +1,187 @@
+"""Stage `score`: every method drawn from the same views, held against the references, timed, and laid out."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from prtnet import console, netspec, score, sh
+from prtnet.data import light
+from prtnet.data.samples import Samples
+from prtnet.pipeline.bake import Baked, traced
+from prtnet.pipeline.export import Exported
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.train import Trained
+from prtnet.render import camera, raster
+from prtnet.render.camera import Camera
+from prtnet.render.gbuffer import GBuffer
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+Image = Float[Array, "h w 3"]
+
+MATERIAL = "diffuse"
+SHOWN_VIEWS = 8  # kept for the contact sheet
+TIMED_FRAMES = 7
+
+
+@dataclass(frozen=True)
+class Scored:
+    key: str
+    rows: list[score.Row]
+    frames: Mapping[str, Array]  # method -> tone-mapped "views h w 3", of the shown views
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera and what is known of its pixels before any method is drawn."""
+
+    camera: Camera
+    gbuffer: GBuffer
+    covered: Bool[Array, "h w"]
+    reference: Image
+
+
+def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) -> Scored:
+    """Rows of texture, net and the noise floor against `traced`, and of net against `texture`."""
+    coefficients = light.project(job.radiance, job.config.transfer.bands)
+    inputs = job.scene_key | {
+        "texture": baked.texture.key,
+        "atlas": asdict(job.config.atlas),
+        "net": trained.key,
+        "shader": exported.shader,
+        "light": coefficients.tolist(),
+        "render": asdict(job.config.render),
+        "camera": job.config.scene.camera,
+    }
+
+    def make() -> tuple[dict[str, Array], dict[str, Any]]:
+        drawing = raster.Raster(baked.texture.atlas, job.config.render.size)
+        views = _views(job, drawing, coefficients)
+        return _draw_and_score(job, baked, trained, exported, drawing, views, coefficients)
+
+    made = job.store.make("score", inputs, make)
+    rows = [score.Row(**row) for row in made.facts["rows"]]
+    return Scored(made.key, rows, made.arrays, made.facts)
+
+
+def _views(job: Job, drawing: raster.Raster, coefficients: Array) -> list[View]:
+    kind = job.config.scene.camera
+    path = camera.path(job.scene, job.tracer, job.config.render.views, kind=kind)
+    views = []
+    for index, eye in enumerate(path):
+        gbuffer = drawing.gbuffer(eye)
+        baked = _traced_view(
+            job, f"traced view {index + 1} of {len(path)}", eye, gbuffer, job.config.render.traced_directions, 0
+        )
+        covered = np.zeros(gbuffer.size * gbuffer.size, bool)
+        covered[gbuffer.pixel] = True
+        views.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), raster.shade(gbuffer, baked, coefficients)))
+    return views
+
+
+def _traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, directions: int, repeat: int) -> Array:
+    """The transfer of each covered pixel, at that very pixel. `repeat` turns every pixel's rays by other angles."""
+    inputs = job.scene_key | {"camera": eye.facts(), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
+    face = np.zeros(len(gbuffer.positions), np.int32)
+    points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, face)
+    return traced(job, "traced", inputs, points, directions, title=title, salt=repeat).arrays["transfer"]
+
+
+def _draw_and_score(
+    job: Job,
+    baked: Baked,
+    trained: Trained,
+    exported: Exported,
+    drawing: raster.Raster,
+    views: list[View],
+    coefficients: Array,
+) -> tuple[dict[str, Array], dict[str, Any]]:
+    methods = {
+        "texture": raster.TextureMethod(drawing, baked.texture.image, half=job.config.atlas.half),
+        "net": raster.NetMethod(drawing, exported.shader),
+    }
+    frames: dict[str, list[Image]] = {"traced": [view.reference for view in views]}
+    with console.progress("draw", len(views) * len(methods), "frames") as reach:
+        for number, (name, method) in enumerate(methods.items()):
+            frames[name] = []
+            for view in views:
+                frames[name].append(method.draw(view.camera, coefficients))
+                reach(number * len(views) + len(frames[name]))
+    covered = [view.covered for view in views]
+    exposure = score.exposure(frames["traced"], covered)
+    times = _times(methods, views[0].camera, coefficients)
+    costs = _costs(job, baked, trained, times)
+    rows = []
+    for method, reference in (("texture", "traced"), ("net", "traced"), ("net", "texture")):
+        metrics = score.score_views(frames[method], frames[reference], covered, exposure)
+        rows.append(_row(job, metrics, method, reference, costs[method]))
+    rows.append(_noise_floor(job, views[0], coefficients, exposure))
+    shown = np.unique(np.linspace(0, len(views) - 1, min(len(views), SHOWN_VIEWS)).round().astype(int))
+    kept = {
+        name: np.stack([score.tone_map(images[view], exposure) for view in shown]).astype(np.float16)
+        for name, images in frames.items()
+    }
+    facts = {
+        "rows": [asdict(row) for row in rows],
+        "exposure": exposure,
+        "covered": float(np.mean([mask.mean() for mask in covered])),
+        "shown_views": shown.tolist(),
+    }
+    return kept, facts
+
+
+def _times(methods: Mapping[str, Any], eye: Camera, coefficients: Array) -> dict[str, float]:
+    """Median milliseconds per frame, the methods in turns so that a busy machine slows both alike."""
+    taken: dict[str, list[float]] = {name: [] for name in methods}
+    for _ in range(TIMED_FRAMES):
+        for name, method in methods.items():
+            taken[name].append(method.milliseconds(eye, coefficients, repeats=1))
+    return {name: float(np.median(values)) for name, values in taken.items()}
+
+
+def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+    count = sh.count(job.config.transfer.bands)
+    dot = score.diffuse_macs(count)
+    costs = {
+        "texture": {
+            "macs": score.fetch_macs(count, "bilinear") + dot,
+            "bytes": score.texture_bytes(job.config.atlas.size, count, half=job.config.atlas.half),
+            "bake_seconds": baked.texture.facts["seconds"],
+            "train_seconds": 0.0,
+        },
+        "net": {
+            "macs": netspec.macs(trained.net) + dot,
+            "bytes": netspec.byte_count(trained.net),
+            "bake_seconds": baked.training.facts["seconds"],
+            "train_seconds": trained.facts["cpu_seconds"],
+        },
+    }
+    for name, values in costs.items():
+        values |= {"ms": times[name], "ms_ratio": times[name] / times["texture"]}
+    return costs
+
+
+def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
+    """`traced` against itself with other rays on the first view: no method can be told from it above this."""
+    directions = job.config.render.traced_directions
+    baked = _traced_view(job, "traced view 1 again", view.camera, view.gbuffer, directions, 1)
+    again = raster.shade(view.gbuffer, baked, coefficients)
+    metrics = score.score_views([again], [view.reference], [view.covered], exposure)
+    return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
+
+
+def _row(job: Job, metrics: score.Metrics, method: str, reference: str, costs: Mapping[str, Any]) -> score.Row:
+    return score.row(
+        metrics,
+        scene=job.scene.name,
+        method=method,
+        material=MATERIAL,
+        light=job.light_name,
+        reference=reference,
+        **costs,
+    )

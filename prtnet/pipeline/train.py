@@ -1,0 +1,116 @@
+"""Stage `train`: a step count by one calibration, then the network."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from prtnet import console, netspec
+from prtnet.models import train as training
+from prtnet.models.train import Points
+from prtnet.netspec import NetSpec
+from prtnet.pipeline.bake import Baked, PointSet
+from prtnet.pipeline.job import Job
+
+log = logging.getLogger(__name__)
+
+HISTORY_POINTS = 400  # of the loss curve that is kept
+
+
+@dataclass(frozen=True)
+class Trained:
+    key: str
+    net: NetSpec
+    facts: Mapping[str, Any]
+
+
+def train(job: Job, baked: Baked) -> Trained:
+    """The trained net of this job, with its step count, loss curve and held-out errors as facts."""
+    options = asdict(job.config.train)
+    # how often a run is saved changes nothing of its result; a fixed step count leaves the time without meaning
+    del options["checkpoint_seconds"]
+    if options["steps"] is not None:
+        del options["cpu_seconds"]
+    inputs = {
+        "training": baked.training.key,
+        "model": asdict(job.config.model),
+        "train": options,
+        # the net's file tells the way back to the mesh's own coordinates
+        "frame": [*job.frame.centre.tolist(), job.frame.scale],
+    }
+    kept = job.store.get("net", inputs)
+    if kept is None:
+        kept = _train(job, baked, inputs)
+    return Trained(kept.key, netspec.load(kept.path), kept.facts)
+
+
+def _train(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> Any:
+    steps, rate = _steps(job, baked, inputs)
+    options, model = job.config.train, job.config.model
+    title = f"train: {steps} steps of {options.batch} points, {model.depth} layers of {model.width}, {options.recipe}"
+    memory = 8 * sum(array.nbytes for array in (baked.training.positions, baked.training.transfer))
+    console.estimate(title, seconds=steps / rate, memory=memory, disk=1e5)
+    checkpoint = job.store.path("net", inputs, ".checkpoint.safetensors")
+    with console.progress("train", steps, "steps") as reach:
+        result = training.train(
+            _points(baked.training),
+            model=model,
+            options=options,
+            steps=steps,
+            held_out=_points(baked.areas),
+            checkpoint_path=checkpoint,
+            log_dir=job.out / "tensorboard",
+            on_log=lambda seen: reach(seen["step"]),
+            centre=(float(job.frame.centre[0]), float(job.frame.centre[1]), float(job.frame.centre[2])),
+            scale=job.frame.scale,
+            name=job.scene.name,
+        )
+    facts = {
+        "steps": result.steps,
+        "cpu_seconds": result.cpu_seconds,
+        "history": _thinned(result.history),
+        "areas_rmse": _rmse(result.net, baked.areas),
+        "vertices_rmse": _rmse(result.net, baked.vertices),
+        "recipe": options.recipe,
+    }
+    log.info(
+        "train: %s of CPU time; transfer RMSE %.4f on held-out points, %.4f on vertices",
+        console.duration(result.cpu_seconds),
+        facts["areas_rmse"],
+        facts["vertices_rmse"],
+    )
+    kept = job.store.put("net", inputs, lambda path: netspec.save(result.net, path), facts)
+    checkpoint.unlink(missing_ok=True)
+    return kept
+
+
+def _steps(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> tuple[int, float]:
+    """The step count and the steps per CPU-second it comes from, kept before step 1: a resumed run is the same run."""
+    options = job.config.train
+
+    def calibrate() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        rate = training.calibrate(_points(baked.training), model=job.config.model, options=options)
+        steps = options.steps if options.steps is not None else max(1, round(rate * options.cpu_seconds))
+        return {}, {"rate": rate, "steps": steps}
+
+    facts = job.store.make("steps", inputs, calibrate).facts
+    return facts["steps"], facts["rate"]
+
+
+def _points(points: PointSet) -> Points:
+    return Points(points.positions, points.normals, points.transfer)
+
+
+def _rmse(net: NetSpec, points: PointSet) -> float:
+    """Root mean square error over all coefficients."""
+    found = netspec.evaluate_unit(net, points.positions, points.normals)
+    return float(np.sqrt(np.mean((found.astype(np.float64) - points.transfer) ** 2)))
+
+
+def _thinned(history: np.ndarray) -> list[list[float]]:
+    """(step, mean loss) of equal stretches of the run."""
+    parts = np.array_split(np.asarray(history, np.float64), min(len(history), HISTORY_POINTS))
+    ends = np.cumsum([len(part) for part in parts])
+    return [[int(end), float(part.mean())] for end, part in zip(ends, parts, strict=True)]

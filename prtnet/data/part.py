@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 GREY = 0.8
 
@@ -22,4 +22,5 @@ class Part:
     albedo: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.full(3, GREY))
     # linear RGB that multiplies albedo; row 0 is the top of the image (v = 1)
     texture: Float[np.ndarray, "h w 3"] | None = None
-    two_sided: bool | None = None
+    # one word for all faces, or one for each
+    two_sided: bool | Bool[np.ndarray, " f"] | None = None

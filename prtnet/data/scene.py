@@ -9,16 +9,22 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int32
 
 from prtnet import PrtnetError
+from prtnet.data.meshfile import read
 from prtnet.data.normals import crease_normals, face_cross, unit
 from prtnet.data.part import GREY, Part
+from prtnet.data.repair import repair
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
+
+# of the area, above which a part is worth a warning
+LARGEST_SHARE = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +137,46 @@ class Scene:
         return total.hexdigest()
 
 
+def load(path: str | Path, *, two_sided: str = "auto", name: str | None = None, without: Sequence[str] = ()) -> Scene:
+    """The scene of a mesh file (OBJ, PLY, STL, OFF, glTF, GLB) or of a folder of them, in the file's coordinates.
+
+    `two_sided`: "auto" (glTF's doubleSided; in other formats a part that is not closed), "all" or "none". Degenerate
+    and duplicate triangles are dropped with a count in the log, missing normals are computed. `without` names parts
+    (materials) to leave out: a sea of a thousand times the area takes a thousand times the samples.
+    Raises PrtnetError, with the name of the file, for whatever cannot be drawn.
+    """
+    path = Path(path)
+    found = read(path)
+    names = [part.name for part in found]
+    unknown = set(without) - set(names)
+    if unknown:
+        raise PrtnetError(f"{path}: scene.without: found {sorted(unknown)}, expected some of {names}")
+    kept = [part for part in found if part.name not in without]
+    if not kept:
+        raise PrtnetError(f"{path}: scene.without leaves no part out of {names}, expected at least one")
+    scene = assemble(name or path.stem, repair(kept, two_sided=two_sided, source=str(path)))
+    _report(scene, path)
+    return scene
+
+
+def _report(scene: Scene, path: Path) -> None:
+    log.info(
+        "%s: %d triangles (%d two-sided), %d parts, size %s",
+        path,
+        len(scene.faces),
+        scene.two_sided.sum(),
+        len(scene.materials),
+        " x ".join(f"{extent:.4g}" for extent in np.ptp(scene.vertices, axis=0)),
+    )
+    share = np.bincount(scene.part, scene.centred().face_areas, len(scene.materials))
+    largest, share = int(share.argmax()), share.max() / share.sum()
+    if len(scene.materials) > 1 and share > LARGEST_SHARE:
+        message = (
+            "%s: part %s holds %.2f %% of the area and gets that share of the samples; scene.without leaves it out"
+        )
+        log.warning(message, path, scene.materials[largest].name, 100 * share)
+
+
 def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene:
     """One scene from parts, each with its own material. Missing normals are computed, missing uv become zero."""
     if camera not in ("auto", "orbit", "inside"):
@@ -150,11 +196,15 @@ def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene
         normals=np.concatenate([part.normals for part in parts if part.normals is not None]).astype(np.float32),
         uv=np.concatenate(coordinates).astype(np.float32) if textured else None,
         part=np.repeat(np.arange(len(parts), dtype=np.int32), sizes),
-        two_sided=np.repeat([bool(part.two_sided) for part in parts], sizes),
+        two_sided=np.concatenate([_sides(part) for part in parts]),
         materials=tuple(_material(part) for part in parts),
         frame=frame_of(vertices),
         camera=camera,
     )
+
+
+def _sides(part: Part) -> Bool[Array, " f"]:
+    return np.broadcast_to(np.asarray(False if part.two_sided is None else part.two_sided), len(part.faces))
 
 
 def _material(part: Part) -> Material:

@@ -26,7 +26,7 @@ def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
     colours = ["leaf_dark", "leaf_bright", "leaf_yellow", "leaf_blue", "leaf_bright"]
     places = np.array([[-0.55, -0.42], [0.62, -0.5], [0.02, 0.52], [1.02, 0.42], [-0.88, 0.5]])
     places += rng.uniform(-0.04, 0.04, places.shape)
-    found: list[Part] = [part("ground", ground(2.1, 1.9), "ground")]
+    found: list[Part] = [part("ground", ground(1.8, 1.5), "ground")]
     soil: list[Surface] = []
     stems: list[Surface] = []
     for (colour, (radius, height)), grow, leaf_colour, (x, z) in zip(

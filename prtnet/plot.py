@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from io import BytesIO
+from itertools import pairwise, product
 from math import cos, hypot, log10, pi, sin
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -43,7 +44,7 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
     _save(figure, path)
 
 
-def training_curve(target: Path | BinaryIO, history: Sequence[tuple[int, float]]) -> None:
+def training_curve(target: Path | BytesIO, history: Sequence[tuple[int, float]]) -> None:
     """Write a PNG of the loss against the step, on a logarithmic axis where all losses are above zero."""
     figure = _figure(8.0, 3.2)
     axes = figure.add_axes((0.09, 0.16, 0.885, 0.79))
@@ -75,7 +76,7 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _save(figure: Figure, target: Path | BinaryIO) -> None:
+def _save(figure: Figure, target: Path | BytesIO) -> None:
     # no program or version goes into the file, so that equal inputs give equal bytes
     options: dict[str, Any] = {"format": "png", "metadata": {"Software": None}}
     if isinstance(target, Path):
@@ -120,7 +121,8 @@ def _panel(axes: Axes, groups: dict[chart.Group, list[Row]], key: str) -> None:
     labels = Labels()
     for group, members in groups.items():
         ours = [row for row in points if chart.group_of(row) == group]
-        _draw_front(axes, [(getattr(row, key), row.psnr or 0.0) for row in ours])
+        line = "#aeb5c0" if len(groups) == 1 else colours[group]
+        _draw_front(axes, [(getattr(row, key), row.psnr or 0.0) for row in ours], line, labels)
         for floor in (row for row in members if row.is_noise_floor):
             colour = FAINT if len(groups) == 1 else colours[group]
             _draw_floor(axes, floor.psnr or 0.0, colour, labels)
@@ -144,30 +146,35 @@ def _limits(axes: Axes, costs: Sequence[float], accuracies: Sequence[float]) -> 
     """A logarithmic cost axis and a linear accuracy axis, with room for labels around the outermost points."""
     axes.set_xscale("log")
     low, high = log10(min(costs)), log10(max(costs))
-    pad = max(0.14 * (high - low), 0.25)
+    pad = max(0.14 * (high - low), 0.4)
     axes.set_xlim(10 ** (low - pad), 10 ** (high + pad))
-    pad = max(0.12 * (max(accuracies) - min(accuracies)), 1.0)
-    axes.set_ylim(min(accuracies) - pad, max(accuracies) + pad)
     narrow = high - low + 2 * pad < 2
+    pad = max(0.12 * (max(accuracies) - min(accuracies)), 2.5)
+    axes.set_ylim(min(accuracies) - pad, max(accuracies) + pad)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1 else chart.count(value)))
 
 
-def _draw_front(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+def _draw_front(axes: Axes, points: Sequence[tuple[float, float]], colour: str, labels: Labels) -> None:
     best = front(points)
     if not best:
         return
     costs = [best[0][0], *(cost for cost, _ in best), axes.get_xlim()[1]]
     accuracies = [axes.get_ylim()[0], *(accuracy for _, accuracy in best), best[-1][1]]
-    axes.plot(costs, accuracies, drawstyle="steps-post", color="#aeb5c0", linewidth=1.2, zorder=1)
+    axes.plot(costs, accuracies, drawstyle="steps-post", color=colour, linewidth=1.2, alpha=0.6, zorder=1)
+    corners = axes.transData.transform([(c, a) for c, a in zip(costs, accuracies, strict=True)])
+    for (x, y), (right, above) in pairwise(corners):
+        labels.taken.append(Bbox.from_extents(x - 1, y - 1, right + 1, y + 1))
+        labels.taken.append(Bbox.from_extents(right - 1, y - 1, right + 1, above + 1))
 
 
 def _draw_floor(axes: Axes, level: float, colour: str, labels: Labels) -> None:
     axes.axhline(level, color=colour, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
     place = axes.get_window_extent().x0 + 5, axes.transData.transform((1.0, level))[1] + 4
     text = axes.text(*place, f"noise floor {level:.1f} dB", transform=None, color=colour, size=8.5)
-    labels.taken.append(text.get_window_extent())
+    inside = axes.get_window_extent().frozen()
+    labels.taken += [text.get_window_extent(), Bbox.from_bounds(inside.x0, place[1] - 5, inside.width, 2)]
 
 
 def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> None:
@@ -185,9 +192,9 @@ def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> 
 
 def _write_labels(axes: Axes, labels: Labels) -> None:
     """Each label at the nearest free place around its point, with a thin line to it where that is far."""
-    inside = axes.get_window_extent()
+    inside = axes.get_window_extent().frozen()
     for x, y, radius, text, colour in labels.points:
-        written = axes.text(x, y, text, transform=None, color=INK, size=9, ha="left", va="bottom", zorder=4)
+        written = axes.text(x, y, text, transform=None, color=colour, size=9, ha="left", va="bottom", zorder=4)
         extent = written.get_window_extent()
         box = min(
             _places(x, y, radius, extent.width, extent.height), key=lambda each: _cost(each, labels.taken, inside)

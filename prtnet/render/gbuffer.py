@@ -1,0 +1,61 @@
+"""What each pixel shows: surface point, normals, albedo; and shading from transfer known per pixel."""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from jaxtyping import Float, Float32, Int, Int32
+
+from prtnet import PrtnetError
+from prtnet.data.samples import at_barycentric
+from prtnet.data.scene import Scene
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GBuffer:
+    """The covered pixels of one view, in the order of `pixel`."""
+
+    # unit coordinates
+    positions: Float32[Array, "n 3"]
+    # unit shading normals
+    normals: Float32[Array, "n 3"]
+    # unit normals of the triangles, towards the camera
+    geometric_normals: Float32[Array, "n 3"]
+    # linear RGB, part factor times texture
+    albedo: Float32[Array, "n 3"]
+    # face of atlas.scene
+    face: Int32[Array, " n"]
+    # row * size + column, row 0 on top, ascending
+    pixel: Int[Array, " n"]
+    size: int
+
+
+def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float32[Array, "h w 3"]) -> GBuffer:
+    """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces."""
+    image = faces.reshape(-1, 4)
+    pixel = np.flatnonzero(image[:, 0] > 0)
+    face, weights = image[pixel, 0].astype(np.int64) - 1, np.empty((len(pixel), 3))
+    # a pixel centre may lie a hair outside of its triangle
+    weights[:, 1:] = np.clip(image[pixel, 1:3], 0, 1)
+    weights[:, 0] = np.maximum(1 - weights[:, 1] - weights[:, 2], 0)
+    points = at_barycentric(unit_scene, face, weights / weights.sum(axis=1, keepdims=True))
+    return GBuffer(
+        positions=points.positions.astype(np.float32),
+        normals=points.normals,
+        geometric_normals=points.geometric_normals,
+        albedo=albedo.reshape(-1, 3)[pixel],
+        face=points.face,
+        pixel=pixel,
+        size=len(faces),
+    )
+
+
+def shade(gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"]) -> Float32[Array, "size size 3"]:
+    """albedo / pi * sum t_i L_i at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods."""
+    if transfer.shape[1] != len(light):
+        raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {transfer.shape[1]}")
+    image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
+    image[gbuffer.pixel] = gbuffer.albedo / pi * (transfer @ light)
+    return image.reshape(gbuffer.size, gbuffer.size, 3)

@@ -42,21 +42,30 @@ def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str
     return "\n".join(lines) + "\n}\n"
 
 
-def fragment_shader(net: NetSpec, version: str = "330", *, first: int = 0) -> str:
-    """A whole fragment shader: textures `positions` and `normals` in, up to 8 of the vec4s, from `first` on, out."""
-    count = vectors(net)
-    written = range(first, min(first + 8, count))
-    lines = [f"#version {version}" if version.endswith("es") else f"#version {version} core"]
+def fragment_shader(net: NetSpec, version: str = "330") -> str:
+    """A whole fragment shader with its version line: `emit` within `around`."""
+    head = [f"#version {version}" if version.endswith("es") else f"#version {version} core"]
     if version.endswith("es"):
-        lines += ["precision highp float;", "precision highp sampler2D;"]
-    lines += ["uniform sampler2D positions;", "uniform sampler2D normals;"]
-    lines += [f"layout(location = {i - first}) out vec4 color{i};" for i in written]
-    lines += [emit(net, version=version), "void main() {"]
+        head += ["precision highp float;", "precision highp sampler2D;"]
+    return "\n".join(head) + "\n" + around(net, emit(net, version=version))
+
+
+def around(net: NetSpec, source: str, *, first: int = 0) -> str:
+    """Shader text about the function text `source`, without a version line.
+
+    Reads textures `positions` and `normals` at the pixel and writes up to 8 of the vec4s, from `first` on: no driver
+    needs to have more outputs.
+    """
+    names = [f"t{i}" for i in range(vectors(net))]
+    written = names[first : first + 8]
+    lines = ["uniform sampler2D positions;", "uniform sampler2D normals;"]
+    lines += [f"layout(location = {i}) out vec4 colour_{name};" for i, name in enumerate(written)]
+    lines += [source, "void main() {"]
     lines += ["  ivec2 pixel = ivec2(gl_FragCoord.xy);"]
     lines += ["  vec3 position = texelFetch(positions, pixel, 0).xyz, normal = texelFetch(normals, pixel, 0).xyz;"]
-    lines += [f"  vec4 {', '.join(f't{i}' for i in range(count))};"]
-    lines += [f"  prt_transfer(position, normal, {', '.join(f't{i}' for i in range(count))});"]
-    lines += [f"  color{i} = t{i};" for i in written]
+    lines += [f"  vec4 {', '.join(names)};"]
+    lines += [f"  prt_transfer(position, normal, {', '.join(names)});"]
+    lines += [f"  colour_{name} = {name};" for name in written]
     return "\n".join(lines) + "\n}\n"
 
 

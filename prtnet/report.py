@@ -59,11 +59,11 @@ box.onclick = () => box.close();
 # nothing may be fetched, whatever stands in the page
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
-USAGE = """Paste the shader into a fragment shader; the comment at its top says how it is called. It takes the position
-*centred*, `(p - centre) * scale`, subtracted in float64 on the CPU before the upload, and the unit shading normal,
-turned to the viewer on two-sided surfaces. It gives the transfer coefficients `t`. Diffuse shading is
-`albedo / pi * dot(t, light)` for each colour channel, with the light's SH coefficients in the same order, then exposure
-and sRGB."""
+USAGE = """Paste the function into a fragment shader and call `prt_transfer(position, normal, t0, t1, ...)`.
+`position` is the *centred* position, `(p - centre) * scale`, subtracted in float64 on the CPU before the upload;
+`normal` is the unit shading normal, turned to the viewer on two-sided surfaces; the `vec4`s `t0, t1, ...` are the SH
+coefficients of the transfer in order, the last one padded with 0. Diffuse shading is `albedo / pi * dot(t, light)` for
+each colour channel, with the light's SH coefficients in the same order, then exposure and sRGB."""
 LIMITS = (
     "The scene stands still: the net knows the occlusion of this geometry only.",
     "The light is distant and low in frequency: SH of these few bands blur hard shadows, and may ring below zero.",

@@ -71,13 +71,15 @@ def contact_sheet(
     *,
     reference: str = "traced",
     covered: Sequence[Bool[Array, "h w"]] | None = None,
+    numbers: Sequence[int] | None = None,
     title: str = "",
     cell: int = 256,
 ) -> None:
     """Write a PNG: a row per view, the reference, then each method with its error map, PSNR under each.
 
     `views` holds tone-mapped sRGB images in [0, 1] by method; `views[reference]` is what the others are compared
-    with. PSNR is of the covered pixels where masks are given. At most MOST_VIEWS views are shown, evenly chosen.
+    with. PSNR is of the covered pixels where masks are given. `numbers` are the views' own where these are a choice
+    already. At most MOST_VIEWS views are shown, evenly chosen.
     """
     if reference not in views:
         raise PrtnetError(f"contact sheet: no images of {reference!r}, expected them among {', '.join(views)}")
@@ -91,7 +93,7 @@ def contact_sheet(
     _head(pen, plan, title or "Views", [reference, *(each for method in methods for each in (method, None))])
     for row, view in enumerate(chosen(len(views[reference]))):
         wanted = views[reference][view]
-        _cell(sheet, pen, plan, (row, 0), wanted, f"view {view}")
+        _cell(sheet, pen, plan, (row, 0), wanted, f"view {view if numbers is None else numbers[view]}")
         for index, method in enumerate(methods):
             image = views[method][view]
             decibels = score.psnr(image, wanted, None if covered is None else covered[view])

@@ -72,10 +72,9 @@ def test_report_escapes_all_text(tmp_path: Path, pictures: dict[str, Path]) -> N
     rows = [replace(row, scene=EVIL, method=EVIL, light=EVIL, material=EVIL) for row in ROWS]
     evil_pictures = {EVIL + "\"'": next(iter(pictures.values()))}
     report.report(path, rows, {EVIL: EVIL}, evil_pictures, title=EVIL, versions={EVIL: EVIL}, command=EVIL)
-    seen = page(path)
-    assert seen.tags.count("script") == 1
-    assert "alert(" in seen.text
-    assert EVIL not in path.read_text(encoding="utf-8")
+    # table cells are shortened, so look for its beginning
+    assert path.read_text(encoding="utf-8").count("<script") == 1
+    assert page(path).text.count(EVIL) > 5
 
 
 def test_report_is_the_same_each_time_and_works_bare(tmp_path: Path, pictures: dict[str, Path]) -> None:

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -27,6 +27,7 @@ def bytes_of(image: np.ndarray) -> np.ndarray:
     return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 200), st.integers(1, 12))
 def test_chosen_views_are_even(views: int, most: int) -> None:
     chosen = sheet.chosen(views, most)
@@ -71,6 +72,15 @@ def test_sheet_is_the_same_each_time(tmp_path: Path) -> None:
         sheet.contact_sheet(tmp_path / name, views, covered=covered)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "b.png"]
+
+
+def test_views_keep_their_own_numbers(tmp_path: Path) -> None:
+    views = {"traced": images(0, 2), "net": images(1, 2)}
+    for name, numbers in (("a.png", None), ("b.png", [0, 1]), ("c.png", [0, 29])):
+        sheet.contact_sheet(tmp_path / name, views, numbers=numbers)
+    first, same, other = (read(tmp_path / name) for name in ("a.png", "b.png", "c.png"))
+    assert np.array_equal(first, same)
+    assert not np.array_equal(first, other)
 
 
 def test_bad_views_are_refused(tmp_path: Path) -> None:

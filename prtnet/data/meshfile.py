@@ -92,7 +92,7 @@ def _absolute(corner: str, counts: dict[str, int]) -> str:
 
 
 def _nodes(loaded: trimesh.Scene) -> list[str]:
-    """Nodes that hold triangles, in the file's order of meshes. Node names will not do: trimesh draws some at random."""
+    """Nodes that hold triangles, in the file's order of meshes (trimesh draws some node names at random)."""
     order = {name: place for place, name in enumerate(loaded.geometry)}
     placed = [
         (order[loaded.graph[node][1]], loaded.graph[node][0].tolist(), node) for node in loaded.graph.nodes_geometry

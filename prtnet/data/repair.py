@@ -57,7 +57,7 @@ def _drop_degenerate(parts: list[Part], diagonal: float, source: str) -> list[Pa
 
 
 def _drop_duplicates(parts: list[Part], source: str) -> tuple[list[Part], list[Bool[Array, " f"]]]:
-    """(parts with the last of equal triangles, which is what depth tests leave; which had a twin of opposite winding)."""
+    """(parts with the last of equal triangles, as depth tests leave it; which had a twin of opposite winding)."""
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     _, position = weld(np.concatenate([part.vertices for part in parts]))
     corners = np.concatenate([position[part.faces + start] for part, start in zip(parts, starts, strict=False)])

@@ -9,7 +9,7 @@ Quasirandom Sequences*).
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
 
 from prtnet import PrtnetError
 from prtnet.data.normals import unit
@@ -129,7 +129,7 @@ def morton_order(positions: Float[Array, "n 3"]) -> Int[Array, " n"]:
     return np.argsort(code, kind="stable")
 
 
-def _spread_bits(values: Int[Array, " n"]) -> Int[Array, " n"]:
+def _spread_bits(values: UInt64[Array, " n"]) -> UInt64[Array, " n"]:
     """Two zero bits between every two of the lowest 21 bits."""
     masks = (
         (32, 0x1F00000000FFFF),

@@ -119,6 +119,51 @@ def box(low: ArrayLike, high: ArrayLike) -> Surface:
     return Surface(low + corners * (high - low), np.array(faces, np.int32))
 
 
+def rounded_box(low: ArrayLike, high: ArrayLike, radius: float, arc: int) -> Surface:
+    """A closed box with edges rounded by `radius`, each in `arc` steps: cushions."""
+    low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
+    half, centre = (high - low) / 2, (high + low) / 2
+    inner = half - min(radius, float(half.min()) * 0.999)
+    lines = [
+        np.concatenate([np.linspace(-h, -i, arc + 1), np.linspace(i, h, arc + 1)])
+        for h, i in zip(half, inner, strict=True)
+    ]
+    sides = []
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        u, v = np.meshgrid(lines[first], lines[second], indexing="ij")
+        for sign in (-1, 1):
+            points = np.empty((*u.shape, 3))
+            points[..., axis], points[..., first], points[..., second] = sign * half[axis], u, v
+            sides.append(sheet(points if sign > 0 else points[:, ::-1]))
+    cube = merge(sides)
+    core = np.clip(cube.vertices, -inner, inner)
+    away = cube.vertices - core
+    rounded = core + (half - inner) * away / np.linalg.norm(away, axis=1, keepdims=True)
+    return compact(Surface(rounded + centre, cube.faces))
+
+
+def panel(across: ArrayLike, up: ArrayLike, filled: ArrayLike, depth: float) -> Surface:
+    """A closed plate with openings: cells between the lines `across` (x) and `up` (y), from z = -depth to z = 0."""
+    x, y = np.asarray(across, np.float64), np.asarray(up, np.float64)
+    cells = np.pad(np.asarray(filled, bool), 1)
+    quads = []
+    for i, j in np.argwhere(cells) - 1:
+        size = np.array([x[i + 1] - x[i], y[j + 1] - y[j]])
+        right, top, back = np.array([size[0], 0, 0]), np.array([0, size[1], 0]), np.array([0, 0, -depth])
+        corner = np.array([x[i], y[j], 0])
+        quads += [quad(corner, right, top), quad(corner + back, top, right)]
+        if not cells[i, j + 1]:
+            quads.append(quad(corner, top, back))
+        if not cells[i + 2, j + 1]:
+            quads.append(quad(corner + right, back, top))
+        if not cells[i + 1, j]:
+            quads.append(quad(corner, back, right))
+        if not cells[i + 1, j + 2]:
+            quads.append(quad(corner + top, right, back))
+    return compact(merge(quads))
+
+
 def ellipsoid(radii: ArrayLike, segments: int) -> Surface:
     """A closed ellipsoid about the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(segments // 2, 3) + 1)

@@ -7,12 +7,16 @@ planes stay coarse on purpose), `seed` draws another arrangement.
 import numpy as np
 
 from prtnet import PrtnetError
-from prtnet.data.builtin import cornell, plants
+from prtnet.data.builtin import cornell, dining_table, hair, plants, room, tea_set
 from prtnet.data.scene import Scene, assemble
 
 MAKERS = {
     "cornell": (cornell.parts, "orbit"),
+    "dining_table": (dining_table.parts, "orbit"),
+    "hair": (hair.parts, "orbit"),
     "plants": (plants.parts, "orbit"),
+    "room": (room.parts, "inside"),
+    "tea_set": (tea_set.parts, "orbit"),
 }
 NAMES = tuple(sorted(MAKERS))
 

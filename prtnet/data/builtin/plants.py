@@ -41,6 +41,19 @@ def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
     return [*found, part("soil", soil, "soil"), part("stems", stems, "stem")]
 
 
+def potted_tree(tessellation: float, rng: np.random.Generator, place: tuple[float, float, float]) -> list[Part]:
+    """One rubber tree in its pot, for other scenes."""
+    radius, height = 0.26, 0.36
+    stalks, leaves = _rubber_tree(tessellation, rng)
+    level = 0.86 * height
+    return [
+        part("pot", _pot(radius, height, tessellation).moved(*place), "terracotta"),
+        part("soil", _soil(0.92 * radius, tessellation).moved(y=level).moved(*place), "soil"),
+        part("stems", merge(stalks).moved(y=level).moved(*place), "stem"),
+        part("leaves", merge(leaves).moved(y=level).moved(*place), "leaf_dark", sheets=True),
+    ]
+
+
 def _pot(radius: float, height: float, tessellation: float) -> Surface:
     """A closed, hollow pot with a rolled rim."""
     outer = [(0.0, 0.0), (0.62, 0.0), (0.66, 0.015), (0.80, 0.45), (0.90, 0.80), (0.92, 0.84)]

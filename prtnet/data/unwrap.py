@@ -22,6 +22,8 @@ Array = np.ndarray
 # alone. Many small charts would be mostly padding: they get 1, and a few border texels are shared by two charts.
 PADDING, TIGHT_PADDING = 2, 1
 SMALL_CHART = 400  # texels of the page per chart
+# xatlas takes edges below 1e-4 and areas below 1e-7 for degenerate: it gets unit coordinates times this
+ENLARGE = 1000
 # page sizes this close to the wanted one end the search
 CLOSE = 0.985
 TRIES = 10
@@ -39,7 +41,9 @@ def charts(
     for faces in sheets:
         used, corner = np.unique(faces, return_inverse=True)
         atlas.add_mesh(
-            vertices[used].astype(np.float32), corner.reshape(-1, 3).astype(np.uint32), normals[used].astype(np.float32)
+            (ENLARGE * vertices[used]).astype(np.float32),
+            corner.reshape(-1, 3).astype(np.uint32),
+            normals[used].astype(np.float32),
         )
     atlas.generate(xatlas.ChartOptions(), _packing(PADDING, resolution=size))
     pages = [_corners(atlas, mesh, len(faces)) for mesh, faces in enumerate(sheets)]

@@ -1,7 +1,7 @@
 """Cameras, and the paths they follow: an orbit around objects, a walk inside rooms. Unit coordinates throughout."""
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi, radians, tan
 
 import numpy as np
@@ -22,9 +22,14 @@ ELEVATION, SWING = 26.0, 10.0
 # the share of the vertices per side and axis that the orbit may cut off, so that a ground plane does not count
 OUTLIERS = 1.0
 # least mean share of the frame that shows the scene
-COVERAGE = 0.55
-# metres do not exist here: eyes stand at this share of the way from floor to ceiling
-EYE_HEIGHT = 0.45
+COVERAGE = 0.5
+# metres do not exist here: eyes stand at one of these shares of the way from floor to ceiling
+EYE_HEIGHTS = (0.35, 0.5)
+# how near a walk may come to a surface, the distance above which nearness is not measured, the grid of the walk
+CLEARANCE, MAX_CLEARANCE, GRID = 0.07, 0.25, 40
+# a room's middle has at most this share of free directions: windows and a missing wall, not a missing half
+OPEN = 0.45
+CANDIDATES = 600
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,7 @@ def path(scene: Scene, tracer: Tracer, views: int, *, kind: str = "auto") -> lis
     if kind == "orbit":
         return _orbit(scene, tracer, views)
     if kind == "inside":
-        return _inside(scene, views)
+        return _inside(scene, tracer, views)
     raise PrtnetError(f"camera: found {kind!r}, expected auto, orbit or inside")
 
 
@@ -114,7 +119,7 @@ def _orbit(scene: Scene, tracer: Tracer, views: int) -> list[Camera]:
     middle = (low + high) / 2
     fits = np.array([_fitting_distance(kept - middle, direction) for direction in away])
     cameras: list[Camera] = []
-    for nearer in (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6):
+    for nearer in np.linspace(1, 0.6, 21):
         cameras = [_look(middle + nearer * fit * way, middle, ORBIT_FOV) for fit, way in zip(fits, away, strict=True)]
         shown = np.mean([coverage(scene, tracer, camera) for camera in cameras[:: max(1, views // 8)]])
         if shown >= COVERAGE:
@@ -158,7 +163,7 @@ def _half_extent(scene: Scene) -> Float64[Array, " 3"]:
 
 
 def winding(scene: Scene, points: Float[Array, "n 3"]) -> Float64[Array, " n"]:
-    """Generalised winding number at points in unit coordinates: 1 inside a solid, -1 in a room whose faces look inwards.
+    """Generalised winding number at points in unit coordinates: 1 inside a solid, -1 in a room of inward faces.
 
     Jacobson, Kavan and Sorkine-Hornung 2013, eq. 5; solid angles after Van Oosterom and Strackee 1983.
     """
@@ -173,26 +178,79 @@ def winding(scene: Scene, points: Float[Array, "n 3"]) -> Float64[Array, " n"]:
     return out
 
 
-def _inside(scene: Scene, views: int) -> list[Camera]:
-    """Eyes on a closed walk around the middle at eye height, each looking across the middle to the other side."""
-    half = _half_extent(scene)
-    height = -half[1] + 2 * EYE_HEIGHT * half[1]
+@dataclass(frozen=True, eq=False)
+class _Floor:
+    """Clearance at one height, on a grid over x and z."""
+
+    height: float
+    low: Float64[Array, " 3"]
+    high: Float64[Array, " 3"]
+    clear: Float64[Array, "g g"]
+
+    def at(self, points: Float[Array, "*n 3"]) -> Float64[Array, "*n"]:
+        """Clearance at the nearest grid point; 0 outside."""
+        cell = np.round((points - self.low) / np.maximum(self.high - self.low, 1e-9) * (GRID - 1)).astype(np.int64)
+        inside = ((cell >= 0) & (cell < GRID))[..., [0, 2]].all(axis=-1)
+        cell = np.clip(cell, 0, GRID - 1)
+        return np.where(inside, self.clear[cell[..., 0], cell[..., 2]], 0.0)
+
+    def reach(self, points: Float[Array, "n 3"], azimuth: Float[Array, " a"]) -> Float64[Array, "n a"]:
+        """How far one can walk from each point in each direction before something comes too near."""
+        steps = np.arange(0, 3, 0.02)
+        way = np.stack([np.sin(azimuth), np.zeros_like(azimuth), np.cos(azimuth)], axis=1)
+        walk = points[:, None, None] + steps[:, None] * way[:, None]
+        blocked = self.at(walk) < CLEARANCE
+        blocked[..., -1] = True
+        return steps[np.argmax(blocked, axis=-1)]
+
+
+def _inside(scene: Scene, tracer: Tracer, views: int) -> list[Camera]:
+    """Eyes on a closed walk around the middle of the widest space at eye height, each looking across that middle."""
+    floor, middle = _widest(scene, tracer)
     azimuth = (np.arange(views) + 0.5) / views * 2 * pi
-    share = np.linspace(0.25, 0.75, 11)
-    outwards = np.stack([np.sin(azimuth) * half[0], np.zeros(views), np.cos(azimuth) * half[2]], axis=1)
-    candidates = share[None, :, None] * outwards[:, None] + [0, height, 0]
-    room = clearance(scene, candidates.reshape(-1, 3)).reshape(views, -1)
-    solid = (winding(scene, candidates.reshape(-1, 3)) > 0.5).reshape(views, -1)
-    # half-way out is best, and more than an arm's length of clearance does not matter
-    score = np.minimum(room, 0.15) / 0.15 - 2 * np.abs(share - 0.55) - 10 * solid
-    if np.all(solid):
-        raise PrtnetError(f"{scene.name}: no free point found at eye height, expected a room; set the camera to orbit")
-    eyes = candidates[np.arange(views), np.argmax(score, axis=1)]
-    target = -0.35 * eyes * [1, 0, 1] + [0, height - 0.15 * half[1], 0]
-    return [replace(_look(eye, at, INSIDE_FOV), near=0.005) for eye, at in zip(eyes, target, strict=True)]
+    # a walk that jumps from niche to niche is none: the reach of a direction is the least of its surroundings
+    spread = np.radians(np.linspace(-20, 20, 9))
+    own, across = (floor.reach(middle, (turn + azimuth[:, None] + spread).ravel())[0] for turn in (0, pi))
+    own, across = (reach.reshape(views, -1).min(axis=1)[:, None] for reach in (own, across))
+    way = np.stack([np.sin(azimuth), np.zeros(views), np.cos(azimuth)], axis=1)
+    eyes, targets = middle + 0.75 * own * way, middle - 0.5 * across * way
+    # more of the floor than of the ceiling
+    targets[:, 1] -= 0.2 * np.linalg.norm(eyes - targets, axis=1)
+    return [_look(eye, target, INSIDE_FOV) for eye, target in zip(eyes, targets, strict=True)]
 
 
-def clearance(scene: Scene, points: Float[Array, "n 3"]) -> Float64[Array, " n"]:
-    """Distance from unit-coordinate points to the nearest surface, to about 0.02."""
-    surface = scene.frame.to_unit(area_uniform(scene, 20_000, np.random.default_rng(0)).positions)
-    return np.array([np.sqrt(np.min(np.sum((surface - point) ** 2, axis=1))) for point in points])
+def _widest(scene: Scene, tracer: Tracer) -> tuple[_Floor, Float64[Array, "1 3"]]:
+    """The free point that is best closed in and has the longest walks around it, and the floor it is on."""
+    azimuth, rng = np.arange(24) / 24 * 2 * pi, np.random.default_rng(0)
+    directions = rng.normal(size=(256, 3))
+    found = []
+    for floor in _floors(scene):
+        grid = np.stack(np.meshgrid(*np.linspace(floor.low, floor.high, GRID)[:, [0, 2]].T, indexing="ij"), axis=-1)
+        points = np.insert(grid[floor.clear > 1.5 * CLEARANCE], 1, floor.height, axis=1)
+        # the harmonic mean likes round spaces better than corridors
+        wide = 1 / np.mean(1 / (floor.reach(points, azimuth) + 0.05), axis=1) if len(points) else np.zeros(0)
+        found += [(wide[i], floor, points[i]) for i in np.argsort(-wide)]
+    best, middle = 0.0, None
+    for wide, floor, point in sorted(found, key=lambda entry: -entry[0])[:CANDIDATES]:
+        free = np.mean(_free(scene, tracer, point, directions))
+        score = wide * (1 - free) ** 3
+        if score > best and free < OPEN and winding(scene, point[None])[0] < 0.5:
+            best, middle = score, (floor, point[None])
+    if middle is None:
+        raise PrtnetError(f"{scene.name}: found no free point that is closed in, expected a room to look around in")
+    return middle
+
+
+def _floors(scene: Scene) -> list[_Floor]:
+    surface = scene.frame.to_unit(area_uniform(scene, 12_000, np.random.default_rng(0)).positions)
+    low, high = surface.min(axis=0), surface.max(axis=0)
+    x, z = (np.linspace(low[axis], high[axis], GRID) for axis in (0, 2))
+    floors = []
+    for height in low[1] + np.array(EYE_HEIGHTS) * (high[1] - low[1]):
+        near = surface[np.abs(surface[:, 1] - height) < MAX_CLEARANCE]
+        clear = np.full((GRID, GRID), MAX_CLEARANCE)
+        for i, j in np.ndindex(GRID, GRID):
+            away = near - np.array([x[i], height, z[j]])
+            clear[i, j] = np.sqrt(min(MAX_CLEARANCE**2, np.min(np.einsum("ij,ij->i", away, away), initial=9)))
+        floors.append(_Floor(float(height), low, high, clear))
+    return floors

@@ -1,6 +1,7 @@
 """The one Hydra app: `prtnet ...` or `python -m prtnet ...`."""
 
 import logging
+import shlex
 import sys
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def _job(composed: DictConfig) -> None:
     try:
         options = OmegaConf.to_object(composed)
         assert isinstance(options, config.Config)
-        pipeline.run(options, sweep_point=_sweep_point())
+        pipeline.run(options, *_point())
     except PrtnetError as error:
         print(f"prtnet: {error}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -35,13 +36,14 @@ def _job(composed: DictConfig) -> None:
         raise SystemExit(130) from None
 
 
-def _sweep_point() -> str | None:
-    """The overrides that tell this point of a sweep from the others, or None outside sweeps."""
+def _point() -> tuple[str, str | None]:
+    """The command of this job, and what tells it from the others of a sweep (None outside sweeps)."""
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
     settings = HydraConfig.get()
-    return settings.job.override_dirname if settings.mode == RunMode.MULTIRUN else None
+    name = settings.job.override_dirname if settings.mode == RunMode.MULTIRUN else None
+    return shlex.join(["prtnet", *settings.overrides.task]), name
 
 
 def main() -> None:

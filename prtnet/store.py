@@ -159,9 +159,9 @@ class Store:
 
         Call `drop_shards` once the whole artifact has been put.
         """
-        folder = f"{stage}.shards/{content_key(inputs)}"
+        folder = f"{stage}/{content_key(inputs)}.shards"
         return [self.make(folder, {"shard": shard}, lambda s=shard: make(s)) for shard in range(count)]
 
     def drop_shards(self, stage: str, inputs: Mapping[str, Any]) -> None:
         """Delete the shards of an artifact."""
-        shutil.rmtree(self.root / f"{stage}.shards" / content_key(inputs), ignore_errors=True)
+        shutil.rmtree(self.root / stage / f"{content_key(inputs)}.shards", ignore_errors=True)

@@ -94,7 +94,7 @@ def test_shards_go_on_where_they_were(shelf):
     assert made == [0, 1, 2, 3]
     np.testing.assert_array_equal(np.concatenate([part.arrays["shard"] for part in parts]), [0, 0, 1, 1, 2, 2, 3, 3])
     shelf.drop_shards("bake", {})
-    assert not list((shelf.root / "bake.shards").iterdir())
+    assert not list((shelf.root / "bake").iterdir())
 
 
 def test_load_arrays_names_the_file(tmp_path):

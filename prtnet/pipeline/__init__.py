@@ -7,13 +7,16 @@ everything and only prints.
 from prtnet.config import STAGES, Config
 
 
-def run(config: Config, sweep_point: str | None = None) -> None:
-    """Run a job. Raises PrtnetError for whatever the user can mend."""
+def run(config: Config, command: str = "", sweep_point: str | None = None) -> None:
+    """Run a job. `command` is shown in its report; a point of a sweep gets a folder of its own.
+
+    Raises PrtnetError for whatever the user can mend.
+    """
     # each stage imports what it needs, so that `stages=[bake]` never waits for torch
     from prtnet.pipeline.bake import bake
     from prtnet.pipeline.job import open_job
 
-    job = open_job(config, sweep_point)
+    job = open_job(config, command, sweep_point)
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     if last >= STAGES.index("train"):

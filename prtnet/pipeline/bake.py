@@ -1,6 +1,7 @@
 """Stage `bake`: training points, test points, and the transfer texture, each with its transfer by ray tracing."""
 
 import logging
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -85,11 +86,12 @@ def traced(
     *,
     title: str | None = None,
     salt: int = 0,
+    announce: int = 1,
 ) -> Artifact:
     """The transfer of points as an artifact {"transfer": "n k"}, shard by shard: a killed bake goes on where it was.
 
     `inputs` must tell the points and the `salt` of their rays' rotations; what the transfer depends on besides is
-    added here.
+    added here. The estimate that is printed is for `announce` such bakes, 0 for none.
     """
     options, title = job.config.transfer, title or stage
     inputs = dict(inputs) | {"bands": options.bands, "directions": directions, "kind": options.kind}
@@ -99,8 +101,8 @@ def traced(
     count = len(points.positions)
     size = max(1, SHARD_RAYS // directions)
     shards = max(1, -(-count // size))
-    if count * directions > SHARD_RAYS // 4:
-        _estimate(job, title, points, directions)
+    if announce * count * directions > SHARD_RAYS // 4:
+        _estimate(job, title, points, directions, announce)
     with console.progress(title, count, "points") as reach:
 
         def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -138,11 +140,14 @@ def _bake(job: Job, part: Samples, directions: int, rng: np.random.Generator, re
     )
 
 
-def _estimate(job: Job, title: str, points: Samples, directions: int) -> None:
-    rate = job.tracer.measure(points.positions, points.normals, directions=directions, threads=job.config.threads)
+def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
+    threads = job.config.threads or len(os.sched_getaffinity(0))
+    rate = threads * job.tracer.measure(points.positions, points.normals)
     count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
-    title = f"{title}: {count} points x {directions} rays at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
-    console.estimate(title, seconds=count * directions / rate, memory=3 * count * row, disk=count * row)
+    title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
+    title += f" at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
+    seconds = times * count * directions / rate
+    console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)
 
 
 def _point_set(job: Job, purpose: str, draw: Any, count: int, directions: int) -> PointSet:

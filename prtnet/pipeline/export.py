@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from prtnet import PrtnetError, netspec, store
+from prtnet import PrtnetError, gl, netspec, store
 from prtnet.data import texture
 from prtnet.export import glsl
 from prtnet.pipeline.bake import Baked
@@ -18,7 +18,6 @@ from prtnet.render import verify
 
 log = logging.getLogger(__name__)
 
-MAX_ERROR = 1e-5  # per coefficient, of a shader against the NumPy twin
 CHECKED_POINTS = 1 << 14
 
 
@@ -39,10 +38,10 @@ def export(job: Job, baked: Baked, trained: Trained) -> Exported:
     if complaint:
         raise PrtnetError(f"export: glslang refuses the shader: {complaint}")
     facts = _measured(job, baked, trained, shader)
-    if facts["error_max"] > MAX_ERROR:
+    if facts["error_max"] > verify.TOLERANCE:
         raise PrtnetError(
             f"export: the shader differs from the net by {facts['error_max']:.2g} in a coefficient, expected at most "
-            f"{MAX_ERROR:g}; no shader was written"
+            f"{verify.TOLERANCE:g}; no shader was written"
         )
     facts |= {"macs": netspec.macs(trained.net), "bytes": netspec.byte_count(trained.net), "glsl_bytes": len(shader)}
     netspec.save(trained.net, job.out / "net.safetensors")
@@ -60,13 +59,12 @@ def _measured(job: Job, baked: Baked, trained: Trained, shader: str) -> dict[str
 
     def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         rng = job.rng("export")
-        directions = rng.normal(size=(CHECKED_POINTS, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        positions, normals = verify.random_points(CHECKED_POINTS, rng)
         few = rng.permutation(len(baked.areas.positions))[:CHECKED_POINTS]
-        positions = np.concatenate([rng.uniform(-1, 1, (CHECKED_POINTS, 3)), baked.areas.positions[few]])
-        normals = np.concatenate([directions, baked.areas.normals[few]])
-        error = verify.glsl_error(trained.net, shader, positions.astype(np.float32), normals.astype(np.float32))
-        return {}, {"error_max": error.max, "error_mean": error.mean}
+        positions = np.concatenate([positions, baked.areas.positions[few]])
+        normals = np.concatenate([normals, baked.areas.normals[few]])
+        error = verify.glsl_error(trained.net, shader, positions, normals)
+        return {}, {"error_max": error.highest, "error_mean": error.mean, "driver": gl.context().info["GL_RENDERER"]}
 
     return dict(job.store.make("export", inputs, make).facts)
 

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from omegaconf import OmegaConf
 
 from prtnet import PrtnetError
 from prtnet.config import STAGES, Config
-from prtnet.data import builtin, light, scene
+from prtnet.data import builtin, directions, light, scene
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
-from prtnet.store import Store
+from prtnet.models import recipe
+from prtnet.store import Store, write_text
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +33,8 @@ class Job:
     store: Store
     scene: Scene
     frame: Frame
+    radiance: np.ndarray  # the light as a lat-long image, "h w 3", linear
+    command: str  # that makes this run again
 
     @cached_property
     def scene_key(self) -> dict[str, Any]:
@@ -40,12 +44,6 @@ class Job:
     @cached_property
     def tracer(self) -> Tracer:
         return Tracer(self.scene, kind=self.config.transfer.tracer)
-
-    @cached_property
-    def radiance(self) -> np.ndarray:
-        """The light as a lat-long image, "h w 3", linear."""
-        path = self.config.light.path
-        return light.load(Path(path)) if path else light.sky()
 
     @property
     def light_name(self) -> str:
@@ -57,16 +55,18 @@ class Job:
         return np.random.default_rng([self.config.seed, zlib.crc32(purpose.encode())])
 
 
-def open_job(config: Config, sweep_point: str | None) -> Job:
-    """Check the options, load and centre the scene, make the run folder. Raises PrtnetError."""
+def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
+    """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
     _check(config)
+    radiance = light.load(Path(config.light.path)) if config.light.path else light.sky()
     loaded = _load(config)
     base = Path(config.out or f"runs/{loaded.name}")
     out = base / sweep_point if sweep_point else base
     out.mkdir(parents=True, exist_ok=True)
     store = Store(Path(config.cache) if config.cache else base / "cache")
     log.info("%s: %d triangles in %d parts -> %s", loaded.name, len(loaded.faces), len(loaded.materials), out)
-    return Job(config, out, store, loaded.centred(), loaded.frame)
+    write_text(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))
+    return Job(config, out, store, loaded.centred(), loaded.frame, radiance, command)
 
 
 def _load(config: Config) -> Scene:
@@ -82,6 +82,10 @@ def _check(config: Config) -> None:
         raise PrtnetError(f"stages: found {config.stages}, expected some of {', '.join(STAGES)}")
     if config.light.path is None and config.light.name != "sky":
         raise PrtnetError(f"light.name: found {config.light.name!r}, expected sky, or a file as light.path")
+    recipe.check(config.train)
+    if config.transfer.kind not in directions.KINDS:
+        expected = ", ".join(directions.KINDS)
+        raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
     least = {
         "transfer.bands": 1,
         "transfer.directions": 1,

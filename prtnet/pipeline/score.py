@@ -16,6 +16,7 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
 from prtnet.render import camera, raster
+from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer
 
@@ -32,7 +33,7 @@ TIMED_FRAMES = 7
 class Scored:
     key: str
     rows: list[score.Row]
-    frames: Mapping[str, Array]  # method -> tone-mapped "views h w 3", of the shown views
+    frames: Mapping[str, Array]  # method -> tone-mapped "views h w 3" of the shown views; "covered" -> their masks
     facts: Mapping[str, Any]
 
 
@@ -70,26 +71,26 @@ def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) 
 
 
 def _views(job: Job, drawing: raster.Raster, coefficients: Array) -> list[View]:
-    kind = job.config.scene.camera
-    path = camera.path(job.scene, job.tracer, job.config.render.views, kind=kind)
+    path = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
     views = []
     for index, eye in enumerate(path):
         gbuffer = drawing.gbuffer(eye)
-        baked = _traced_view(
-            job, f"traced view {index + 1} of {len(path)}", eye, gbuffer, job.config.render.traced_directions, 0
-        )
+        title = f"traced view {index + 1} of {len(path)}"
+        baked = _traced_view(job, title, eye, gbuffer, announce=0 if index else len(path))
         covered = np.zeros(gbuffer.size * gbuffer.size, bool)
         covered[gbuffer.pixel] = True
-        views.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), raster.shade(gbuffer, baked, coefficients)))
+        reference = gbuffers.shade(gbuffer, baked, coefficients)
+        views.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), reference))
     return views
 
 
-def _traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, directions: int, repeat: int) -> Array:
+def _traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, *, announce: int = 0, repeat: int = 0) -> Array:
     """The transfer of each covered pixel, at that very pixel. `repeat` turns every pixel's rays by other angles."""
-    inputs = job.scene_key | {"camera": eye.facts(), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
-    face = np.zeros(len(gbuffer.positions), np.int32)
-    points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, face)
-    return traced(job, "traced", inputs, points, directions, title=title, salt=repeat).arrays["transfer"]
+    inputs = job.scene_key | {"camera": asdict(eye), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
+    points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
+    directions = job.config.render.traced_directions
+    baked = traced(job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce)
+    return baked.arrays["transfer"]
 
 
 def _draw_and_score(
@@ -126,6 +127,7 @@ def _draw_and_score(
         name: np.stack([score.tone_map(images[view], exposure) for view in shown]).astype(np.float16)
         for name, images in frames.items()
     }
+    kept["covered"] = np.stack([covered[view] for view in shown])
     facts = {
         "rows": [asdict(row) for row in rows],
         "exposure": exposure,
@@ -152,7 +154,7 @@ def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float])
             "macs": score.fetch_macs(count, "bilinear") + dot,
             "bytes": score.texture_bytes(job.config.atlas.size, count, half=job.config.atlas.half),
             "bake_seconds": baked.texture.facts["seconds"],
-            "train_seconds": 0.0,
+            "train_seconds": None,
         },
         "net": {
             "macs": netspec.macs(trained.net) + dot,
@@ -168,9 +170,8 @@ def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float])
 
 def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
-    directions = job.config.render.traced_directions
-    baked = _traced_view(job, "traced view 1 again", view.camera, view.gbuffer, directions, 1)
-    again = raster.shade(view.gbuffer, baked, coefficients)
+    baked = _traced_view(job, "traced view 1 again", view.camera, view.gbuffer, repeat=1)
+    again = gbuffers.shade(view.gbuffer, baked, coefficients)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
     return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
 

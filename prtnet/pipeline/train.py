@@ -74,6 +74,8 @@ def _train(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> Any:
         "areas_rmse": _rmse(result.net, baked.areas),
         "vertices_rmse": _rmse(result.net, baked.vertices),
         "recipe": options.recipe,
+        "width": model.width,
+        "depth": model.depth,
     }
     log.info(
         "train: %s of CPU time; transfer RMSE %.4f on held-out points, %.4f on vertices",

@@ -1,0 +1,96 @@
+"""The end of a run: score.json, the table on the terminal, pictures, card.md and report.html."""
+
+import logging
+from typing import Any
+
+from prtnet import chart, plot, score, sheet, store
+from prtnet import report as pages
+from prtnet.pipeline.bake import Baked
+from prtnet.pipeline.export import Exported
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.score import Scored
+from prtnet.pipeline.train import Trained
+from prtnet.render import verify
+
+log = logging.getLogger(__name__)
+
+FILES = {
+    "net.safetensors": "the network, for prtnet.netspec.load",
+    "transfer.glsl": "the function prt_transfer with the weights in it, to paste into a shader",
+    "transfer.frag": "the same as a whole fragment shader",
+    "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
+    "score.json": "the scores below, for programs",
+    "export.json": "the measured error of the shader",
+    "config.yaml": "every key of this run",
+}
+
+
+def report(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> None:
+    """Write what is missing of the run folder's pages, and print the table."""
+    out, page = job.out, job.out / "report.html"
+    stamp = out / ".report.key"
+    written = [page, out / "score.json", out / "card.md", out / "contact_sheet.png", out / "chart.png"]
+    if not (stamp.exists() and stamp.read_text() == scored.key and all(path.exists() for path in written)):
+        _write(job, baked, trained, exported, scored)
+        store.write_text(stamp, scored.key)
+    print(chart.table(scored.rows))
+    print(f"\n{page}")
+
+
+def _write(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> None:
+    out, rows = job.out, scored.rows
+    versions = score.versions()
+    score.write(out / "score.json", rows, versions)
+    title = f"{job.scene.name}: transfer in a network of {trained.facts['depth']} layers of {trained.facts['width']}"
+    frames = {name: list(images) for name, images in scored.frames.items() if name != "covered"}
+    covered = list(scored.frames["covered"])
+    numbers = scored.facts["shown_views"]
+    sheet.contact_sheet(out / "contact_sheet.png", frames, covered=covered, numbers=numbers, title=title)
+    plot.pareto(out / "chart.png", rows, title=job.scene.name)
+    pictures = {
+        "Views, methods and 8 x their errors": out / "contact_sheet.png",
+        "Accuracy against cost": out / "chart.png",
+    }
+    facts = _facts(job, baked, trained, exported, scored)
+    pages.card(out / "card.md", rows, facts, pictures, title=title, files=FILES)
+    history = [(int(step), float(loss)) for step, loss in trained.facts["history"]]
+    pages.report(
+        out / "report.html",
+        rows,
+        facts,
+        pictures,
+        title=title,
+        history=history,
+        versions=versions,
+        command=job.command,
+    )
+
+
+def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> dict[str, Any]:
+    transfer, render = job.config.transfer, job.config.render
+    training = baked.training.facts
+    return {
+        "scene": job.scene.name,
+        "triangles": len(job.scene.faces),
+        "SH bands (coefficients)": f"{transfer.bands} ({transfer.bands**2})",
+        "training points": training["points"],
+        "of them enclosed, left out": training["enclosed"],
+        "rays per point": transfer.directions,
+        "tracer": job.tracer.kind,
+        "recipe": trained.facts["recipe"],
+        "training steps": trained.facts["steps"],
+        "training CPU-seconds": trained.facts["cpu_seconds"],
+        "transfer RMSE, held-out points": trained.facts["areas_rmse"],
+        "transfer RMSE, vertices": trained.facts["vertices_rmse"],
+        "multiply-adds of the net": exported.facts["macs"],
+        "bytes of the net": exported.facts["bytes"],
+        "shader against NumPy, worst coefficient": f"{exported.facts['error_max']:.1e} (bound {verify.TOLERANCE:g})",
+        "texture texels in use": baked.texture.facts["texels"],
+        "texture coordinates": baked.texture.facts["uv"],
+        "light": job.light_name,
+        "exposure": scored.facts["exposure"],
+        "frame covered": f"{scored.facts['covered']:.0%}",
+        "rays per pixel of the reference": render.traced_directions,
+        "image": f"{render.views} views of {render.size} x {render.size}",
+        "centre and scale": f"{job.frame.centre.tolist()}, {job.frame.scale:.9g}",
+    }

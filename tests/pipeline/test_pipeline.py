@@ -1,0 +1,153 @@
+"""What a user gets from a run: files, keyed stages, resumption."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prtnet import netspec, score, store
+from prtnet.config import Config
+from prtnet.pipeline import run
+from tests.small import SETTINGS, overrides
+
+
+def config(out: Path, **changes: object) -> Config:
+    made = Config(out=str(out))
+    for name, value in (SETTINGS | {key.replace("__", "."): value for key, value in changes.items()}).items():
+        group, _, key = name.rpartition(".")
+        setattr(getattr(made, group) if group else made, key, value)
+    return made
+
+
+def artifacts(out: Path, stage: str) -> dict[str, float]:
+    """File name -> time of writing."""
+    return {path.name: path.stat().st_mtime_ns for path in (out / "cache" / stage).glob("*.safetensors")}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("run")
+    run(config(out), "prtnet scene=cornell")
+    return out
+
+
+def test_a_run_leaves_everything_in_its_folder(finished):
+    for name in (
+        "net.safetensors",
+        "transfer.glsl",
+        "transfer.frag",
+        "transfer_texture.exr",
+        "export.json",
+        "score.json",
+        "card.md",
+        "report.html",
+        "contact_sheet.png",
+        "chart.png",
+        "config.yaml",
+    ):
+        assert (finished / name).stat().st_size > 0, name
+    assert list((finished / "tensorboard").glob("events.*"))
+
+
+def test_rows_say_what_was_compared(finished):
+    rows, versions = score.read(finished / "score.json")
+    found = {(row.method, row.reference) for row in rows}
+    assert found == {("texture", "traced"), ("net", "traced"), ("net", "texture"), (score.NOISE_FLOOR, "traced")}
+    by_method = {row.method: row for row in rows if row.reference == "traced"}
+    assert by_method["texture"].ms_ratio == 1.0
+    assert by_method["net"].macs == netspec.macs(netspec.load(finished / "net.safetensors")) + 27
+    assert all(row.psnr is not None and row.psnr > 10 for row in rows)
+    assert versions["torch"]
+
+
+def test_the_shader_error_is_on_record(finished):
+    record = json.loads((finished / "export.json").read_text())
+    assert 0 < record["error_max"] <= 1e-5
+
+
+def test_the_net_file_agrees_with_the_shader_function(finished):
+    net = netspec.load(finished / "net.safetensors")
+    points = np.zeros((3, 3)) + net.centre
+    values = netspec.evaluate(net, points, np.array([[0, 1.0, 0]] * 3))
+    assert values.shape == (3, 9)
+    assert "void prt_transfer" in (finished / "transfer.glsl").read_text()
+
+
+def test_the_same_command_again_only_prints(finished, capsys):
+    before = {path: path.stat().st_mtime_ns for path in finished.rglob("*") if path.is_file()}
+    run(config(finished), "prtnet scene=cornell")
+    printed = capsys.readouterr().out
+    assert "texture" in printed
+    assert str(finished / "report.html") in printed
+    after = {path: path.stat().st_mtime_ns for path in finished.rglob("*") if path.is_file()}
+    # the shader and the configuration are written anew with the same bytes; nothing is computed
+    kept = {path for path in before if "cache" in path.parts or path.suffix in (".png", ".html", ".exr")}
+    assert {path: before[path] for path in kept} == {path: after[path] for path in kept}
+    assert before.keys() == after.keys()
+
+
+def test_another_width_keeps_the_bake(finished):
+    before = {stage: artifacts(finished, stage) for stage in ("training", "texture", "traced", "atlas", "net")}
+    run(config(finished, model__width=12))
+    for stage in ("training", "texture", "traced", "atlas"):
+        assert artifacts(finished, stage) == before[stage]
+    assert len(artifacts(finished, "net")) == len(before["net"]) + 1
+    run(config(finished))
+
+
+def test_a_truncated_artifact_is_made_again(finished, caplog):
+    path = next((finished / "cache" / "training").glob("*.safetensors"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    run(config(finished, stages=["bake"]))
+    assert "made again" in caplog.text
+    assert path.read_bytes() == whole
+
+
+def test_stages_stop_where_they_are_told(tmp_path):
+    run(config(tmp_path, stages=["bake"]))
+    assert artifacts(tmp_path, "training")
+    assert not artifacts(tmp_path, "net")
+    assert not (tmp_path / "score.json").exists()
+
+
+def killed(arguments: list[str], ready: Path) -> None:
+    """Run a job and kill it, -9, as soon as `ready` matches a file."""
+    process = subprocess.Popen([sys.executable, "-m", "prtnet", *arguments], stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(ready.parent.glob(ready.name)):
+        assert process.poll() is None, "ended before it could be killed"
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+@pytest.mark.parametrize(
+    ("changes", "ready"),
+    [
+        ({"samples__count": 300_000, "transfer__directions": 1024}, "cache/training/*.shards/*.json"),
+        ({"train__steps": 3000, "train__checkpoint_seconds": 0.05}, "cache/net/*.checkpoint.safetensors"),
+    ],
+    ids=["bake", "train"],
+)
+def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path, changes, ready):
+    last = "bake" if "samples__count" in changes else "train"
+    interrupted, whole = tmp_path / "interrupted", tmp_path / "whole"
+    arguments = overrides(interrupted, stages=f"[{last}]", **changes)
+    killed(arguments, interrupted / ready)
+    for out in (interrupted, whole):
+        run(config(out, stages=[last], **changes))
+    stages = ["training", "areas", "texture"] + ["net"] * (last == "train")
+    for stage in stages:
+        for name in artifacts(whole, stage):
+            same = (store.file_digest(out / "cache" / stage / name) for out in (interrupted, whole))
+            assert len(set(same)) == 1, f"{stage}/{name}"
+            assert name in artifacts(interrupted, stage)
+    assert not list(interrupted.rglob("*.tmp"))

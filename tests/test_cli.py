@@ -1,0 +1,67 @@
+"""The command line: help, typed keys, messages without tracebacks, sweeps."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.small import overrides
+
+
+def prtnet(*arguments: str, folder=None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error::ResourceWarning", "-m", "prtnet", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder, check=False)
+
+
+def test_help_and_configuration_are_shown():
+    assert "scene.path=" in prtnet("--help").stdout
+    shown = prtnet("--cfg", "job", "model.width=24").stdout
+    assert "width: 24" in shown
+    for key in ("directions:", "count:", "cpu_seconds:", "views:", "size:", "bands:"):
+        assert key in shown
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("model.widht=3", ["widht"]),
+        ("model.width=wide", ["model.width", "wide"]),
+        ("scene=plnts", ["plnts", "plants"]),
+        ("train=defualt", ["defualt", "default"]),
+    ],
+)
+def test_wrong_keys_and_types_are_refused_by_name(argument, words):
+    done = prtnet(argument)
+    assert done.returncode == 1
+    assert all(word in done.stderr for word in words)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("scene.path=absent.obj", ["absent.obj"]),
+        ("scene.name=plnts", ["plnts", "plants"]),
+        ("stages=[bke]", ["bke", "bake, train, export, score"]),
+        ("render.size=0", ["render.size", "0"]),
+        ("light.path=absent.exr", ["absent.exr"]),
+        ("transfer.kind=spiral", ["spiral", "cosine_fibonacci"]),
+        ("train.loss=l3", ["train.loss", "l3"]),
+    ],
+)
+def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
+    done = prtnet(*overrides(tmp_path), argument)
+    assert done.returncode == 2, done.stderr
+    message = done.stderr.strip().splitlines()[-1]
+    assert message.startswith("prtnet: ")
+    assert all(word in message for word in words)
+    assert "Traceback" not in done.stderr
+
+
+def test_a_sweep_gives_each_point_a_folder_and_shares_the_bake(tmp_path):
+    done = prtnet("-m", *overrides(tmp_path, stages="[train]"), "model.width=4,8")
+    assert done.returncode == 0, done.stderr
+    points = [path.name for path in tmp_path.iterdir() if "model.width" in path.name]
+    assert len(points) == 2
+    assert len(list((tmp_path / "cache" / "training").glob("*.safetensors"))) == 1
+    assert len(list((tmp_path / "cache" / "net").glob("*.safetensors"))) == 2

@@ -36,8 +36,8 @@ _CHUNK = 1 << 15
 class NetSpec:
     """Weights are float32, (outputs, inputs) per layer. `centre` and `scale` take file coordinates to [-1, 1]^3."""
 
-    weights: tuple[Float[Array, "o i"], ...]
-    biases: tuple[Float[Array, " o"], ...]
+    weights: tuple[Float[Array, "_ _"], ...]
+    biases: tuple[Float[Array, " _"], ...]
     position_frequencies: int
     normal_frequencies: int
     activation: str = "leaky_relu"

@@ -212,7 +212,7 @@ def _vector(kind: str, values: np.ndarray) -> str:
     return f"{kind}({', '.join(number(value) for value in values)})"
 
 
-def number(value: float) -> str:
+def number(value: float | np.floating) -> str:
     """A GLSL float literal that reads back as the same float32. Denormals, which GLSL may flush, become 0."""
     text = f"{float(value):.9g}" if abs(value) >= np.finfo(np.float32).tiny else "0"
     return text if any(mark in text for mark in ".e") else f"{text}.0"

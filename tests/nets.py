@@ -1,0 +1,44 @@
+"""Nets with random weights, for the tests of everything that reads a NetSpec."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from prtnet import netspec, sh
+from prtnet.netspec import NetSpec
+
+
+def random_net(
+    *,
+    width: int = 8,
+    depth: int = 2,
+    position_frequencies: int = 3,
+    normal_frequencies: int = 2,
+    bands: int = 5,
+    seed: int = 0,
+    **fields: object,
+) -> NetSpec:
+    """He-scaled weights: values keep their size through the layers, as in a trained net."""
+    rng = np.random.default_rng(seed)
+    sizes = [netspec.encoded_size(position_frequencies, normal_frequencies), *[width] * depth, sh.count(bands)]
+    weights = tuple(
+        (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
+        for columns, rows in pairwise(sizes)
+    )
+    biases = tuple((0.1 * rng.normal(size=rows)).astype(np.float32) for rows in sizes[1:])
+    return NetSpec(
+        weights=weights,
+        biases=biases,
+        position_frequencies=position_frequencies,
+        normal_frequencies=normal_frequencies,
+        bands=bands,
+        **fields,  # pyright: ignore[reportArgumentType]
+    )
+
+
+def random_points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Positions in [-1, 1]^3 and unit normals, float32."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return rng.uniform(-1, 1, (count, 3)).astype(np.float32), normals.astype(np.float32)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from prtnet.export import glsl
+from prtnet.render import verify
+from tests.nets import random_net
+
+HEADS = [
+    {"activation": "leaky_relu", "output": "tanh"},
+    {"activation": "gelu", "output": "linear", "residual": True},
+    {"activation": "silu", "output": "linear", "residual": True},
+]
+
+
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("bands", [1, 4, 5])
+def test_the_driver_computes_what_numpy_computes(head, bands):
+    net = random_net(width=16, position_frequencies=10, normal_frequencies=4, bands=bands, **head)
+    positions, normals = verify.random_points(3000, np.random.default_rng(1))
+    errors = verify.glsl_error(net, glsl.emit(net), positions, normals)
+    assert errors.highest <= verify.TOLERANCE
+    assert errors.mean <= 1e-6
+
+
+def test_more_coefficients_than_one_pass_can_write():
+    net = random_net(bands=7, residual=True, output="linear")
+    assert glsl.vectors(net) == 13
+    positions, normals = verify.random_points(100, np.random.default_rng(2))
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+def test_large_arguments_stay_finite():
+    """Hidden values of several hundred: neither exp nor tanh may overflow into NaN."""
+    for head in HEADS:
+        net = random_net(width=4, depth=1, bands=1, **head)
+        big = tuple(weight * np.float32(300) for weight in net.weights[:1]) + net.weights[1:]
+        net = type(net)(**{**vars(net), "weights": big})
+        positions, normals = verify.random_points(500, np.random.default_rng(3))
+        found = verify.run(net, glsl.emit(net), positions, normals)
+        assert np.isfinite(found).all()
+        errors = verify.glsl_error(net, glsl.emit(net), positions, normals)
+        assert errors.highest <= 1e-6 * np.abs(found).max()
+
+
+def test_corners_of_the_encoding():
+    """Whole, half and quarter turns of each octave, and normals along the axes."""
+    net = random_net(position_frequencies=10, normal_frequencies=6, width=12)
+    grid = np.linspace(-1, 1, 9, dtype=np.float32)
+    positions = np.stack(np.meshgrid(grid, grid, grid), -1).reshape(-1, 3)
+    normals = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (122, 1))[: len(positions)].astype(np.float32)
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+def test_a_wrong_digit_is_seen():
+    net = random_net()
+    positions, normals = verify.random_points(100, np.random.default_rng(4))
+    weight = glsl.number(net.weights[1][0, 0])
+    wrong = glsl.emit(net).replace(weight, glsl.number(net.weights[1][0, 0] + 1e-4), 1)
+    assert verify.glsl_error(net, wrong, positions, normals).highest > verify.TOLERANCE

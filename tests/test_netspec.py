@@ -1,0 +1,156 @@
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from safetensors.numpy import save_file
+
+from prtnet import PrtnetError, netspec, sh
+from tests.nets import random_net, random_points
+
+coordinates = st.floats(-1, 1, width=32)
+
+
+@given(coordinates, st.integers(0, 12))
+def test_encoding_is_the_sine_of_the_exact_argument(x, frequencies):
+    encoded = netspec.encode(np.full((1, 3), x, np.float32), frequencies)[0].reshape(-1, 3)[:, 0]
+    expected = [x]
+    for j in range(frequencies):
+        # float64 holds 2^j x / 2 exactly, and its whole turns too
+        angle = 2 * np.pi * ((2.0**j * x / 2) % 1.0)
+        expected += [np.sin(angle), np.cos(angle)]
+    np.testing.assert_allclose(encoded, expected, rtol=0, atol=1e-15)
+
+
+@given(st.integers(-1024, 1024), st.integers(1, 10))
+def test_encoding_has_the_period_of_its_octave(steps, j):
+    x, period = steps / 1024, 4.0 / 2**j
+    first, second = (netspec.encode(np.full((1, 3), value), j)[0, -6:] for value in (x, x + period))
+    np.testing.assert_allclose(first, second, rtol=0, atol=1e-12)
+
+
+def test_evaluate_is_the_written_formula():
+    net = random_net(width=5, depth=1, activation="silu", output="tanh", residual=True, bands=3, output_scale=2.0)
+    positions, normals = random_points(7)
+    inputs = np.concatenate([netspec.encode(positions, 3), netspec.encode(normals, 2)], 1)
+    hidden = inputs @ net.weights[0].T.astype(float) + net.biases[0]
+    hidden = hidden / (1 + np.exp(-hidden))
+    expected = 2.0 * np.tanh(hidden @ net.weights[1].T.astype(float) + net.biases[1])
+    expected += sh.cosine_lobe(normals.astype(float), 3)
+    np.testing.assert_allclose(netspec.evaluate_unit(net, positions, normals), expected, atol=2e-6)
+
+
+def test_activations_at_known_places():
+    x = np.array([-200.0, -1.0, 0.0, 1.0, 200.0])
+    np.testing.assert_allclose(netspec.activation("leaky_relu", 0.01)(x), [-2, -0.01, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("silu")(x), [0, -0.268941421, 0, 0.731058579, 200], atol=1e-9)
+    # the published values of the exact GELU are -0.158655 and 0.841345; the tanh form is within 2e-4 of them
+    np.testing.assert_allclose(netspec.activation("gelu")(x), [0, -0.158808, 0, 0.841192, 200], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_evaluate_keeps_the_type_of_the_positions(kind):
+    positions, normals = random_points(3)
+    assert netspec.evaluate(random_net(), positions.astype(kind), normals).dtype == kind
+
+
+def test_a_net_far_from_the_origin_gives_the_same_transfer():
+    positions, normals = random_points(500)
+    near, far = random_net(), random_net(centre=(1e6, -2e6, 3.0e6), scale=0.125)
+    moved = positions.astype(np.float64) / 0.125 + np.array(far.centre)
+    found = netspec.evaluate(far, moved, normals)
+    # what is left is the rounding of 1e6 in float64, scaled up by the encoding's 2^3 pi
+    np.testing.assert_allclose(found, netspec.evaluate(near, positions.astype(np.float64), normals), atol=1e-6)
+
+
+def test_chunks_do_not_show():
+    positions, normals = random_points(40_000)
+    whole = netspec.evaluate_unit(random_net(), positions, normals)
+    np.testing.assert_array_equal(whole[-5:], netspec.evaluate_unit(random_net(), positions[-5:], normals[-5:]))
+
+
+@given(st.integers(1, 70), st.integers(1, 5), st.integers(0, 10), st.integers(0, 6), st.integers(1, 6))
+def test_macs_have_a_closed_form(width, depth, position_frequencies, normal_frequencies, bands):
+    net = random_net(
+        width=width,
+        depth=depth,
+        position_frequencies=position_frequencies,
+        normal_frequencies=normal_frequencies,
+        bands=bands,
+    )
+    inputs = 6 * (1 + position_frequencies + normal_frequencies)
+    parameters = inputs * width + (depth - 1) * width**2 + width * bands**2
+    assert netspec.macs(net) == parameters
+    assert netspec.byte_count(net) == 4 * (parameters + depth * width + bands**2)
+
+
+def test_published_size_in_multiply_adds():
+    net = random_net(width=64, depth=4, position_frequencies=10, normal_frequencies=4)
+    assert netspec.macs(net) == 90 * 64 + 3 * 64 * 64 + 64 * 25 == 19648
+
+
+def test_round_trip_of_fields_and_bytes(tmp_path):
+    net = random_net(activation="gelu", output="linear", residual=True, centre=(1e6, 0.1, -2.5), scale=1 / 3, name="né")
+    first, second = tmp_path / "a.safetensors", tmp_path / "b.safetensors"
+    netspec.save(net, first)
+    again = netspec.load(first)
+    netspec.save(again, second)
+    assert first.read_bytes() == second.read_bytes()
+    for field in fields(net):
+        if field.name not in ("weights", "biases"):
+            assert getattr(again, field.name) == getattr(net, field.name), field.name
+    for found, expected in zip(again.weights + again.biases, net.weights + net.biases, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.safetensors", "b.safetensors"]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
+def test_a_truncated_file_is_named(tmp_path, share):
+    path = tmp_path / "cut.safetensors"
+    netspec.save(random_net(), path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(PrtnetError, match=r"cut\.safetensors"):
+        netspec.load(path)
+
+
+def test_other_files_are_refused_by_name(tmp_path):
+    with pytest.raises(PrtnetError, match=r"none\.safetensors: no such file"):
+        netspec.load(tmp_path / "none.safetensors")
+    path = tmp_path / "other.safetensors"
+    save_file({"a": np.zeros(3, np.float32)}, path)
+    with pytest.raises(PrtnetError, match=r"other\.safetensors: found no descriptor"):
+        netspec.load(path)
+    netspec.save(random_net(), path)
+    later = path.read_bytes().replace(b'\\"format\\": 1', b'\\"format\\": 9')
+    path.write_bytes(later)
+    with pytest.raises(PrtnetError, match=r"other\.safetensors: found format 9"):
+        netspec.load(path)
+    save_file({"a": np.zeros(3, np.float32)}, path, {"prtnet_net": json.dumps({"format": 1, "layers": 2})})
+    with pytest.raises(PrtnetError, match=r"other\.safetensors"):
+        netspec.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"activation": "sine"}, "activation: found 'sine'"),
+        ({"output": "softmax"}, "output: found 'softmax'"),
+        ({"bands": 4}, "outputs: found 25, expected 16"),
+        ({"position_frequencies": 4}, "layers"),
+        ({"scale": 0.0}, "scale 0.0"),
+        ({"centre": (float("nan"), 0.0, 0.0)}, "centre"),
+    ],
+)
+def test_fields_that_do_not_fit_are_refused(change, message):
+    with pytest.raises(PrtnetError, match=message):
+        replace(random_net(), **change)
+
+
+def test_a_net_of_nans_is_refused():
+    net = random_net()
+    bad = (net.weights[0] * np.float32("nan"), *net.weights[1:])
+    with pytest.raises(PrtnetError, match="NaN"):
+        replace(net, weights=bad)

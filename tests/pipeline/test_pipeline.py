@@ -117,11 +117,11 @@ def test_stages_stop_where_they_are_told(tmp_path):
     assert not (tmp_path / "score.json").exists()
 
 
-def killed(arguments: list[str], ready: Path) -> None:
-    """Run a job and kill it, -9, as soon as `ready` matches a file."""
+def killed(arguments: list[str], out: Path, ready: str) -> None:
+    """Run a job and kill it, -9, as soon as a file in its folder matches the pattern `ready`."""
     process = subprocess.Popen([sys.executable, "-m", "prtnet", *arguments], stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
-    while not list(ready.parent.glob(ready.name)):
+    while not list(out.glob(ready)):
         assert process.poll() is None, "ended before it could be killed"
         assert time.monotonic() < deadline
         time.sleep(0.002)
@@ -141,7 +141,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path, changes, ready):
     last = "bake" if "samples__count" in changes else "train"
     interrupted, whole = tmp_path / "interrupted", tmp_path / "whole"
     arguments = overrides(interrupted, stages=f"[{last}]", **changes)
-    killed(arguments, interrupted / ready)
+    killed(arguments, interrupted, ready)
     for out in (interrupted, whole):
         run(config(out, stages=[last], **changes))
     stages = ["training", "areas", "texture"] + ["net"] * (last == "train")

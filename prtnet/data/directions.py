@@ -6,17 +6,17 @@ points; each point turns it about its normal by its own random angle, which make
 """
 
 from math import pi, sqrt
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, sh
 
-Kind = Literal["cosine_fibonacci", "uniform", "stratified", "random"]
 KINDS = ("cosine_fibonacci", "uniform", "stratified", "random")
 PACKET = 16  # sets are rounded up to a multiple of this, the widest ray packet
+LANES = 8  # rows are padded to a multiple of this: the compiled sums run over blocks of fixed length
 GOLDEN = (sqrt(5) - 1) / 2
+QUARTER = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # turns z to y: Ry(b) = QUARTER Rz(b) QUARTER^T
 
 
 def local_set(
@@ -80,7 +80,8 @@ def patches(directions: Float[np.ndarray, "n 3"], size: int = PACKET) -> np.ndar
 
 def turns(normals: Float[np.ndarray, "n 3"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 6"]:
     """cos and sin of the three angles of R = Rz(a) Ry(b) Rz(azimuth) with R z = normal: c, b, a by pairs, float64."""
-    x, y, z = np.moveaxis(np.asarray(normals, np.float64), -1, 0)
+    exact = np.asarray(normals, np.float64)
+    x, y, z = (exact / np.linalg.norm(exact, axis=1, keepdims=True)).T
     radius = np.hypot(x, y)
     pole = radius == 0
     across = np.where(pole, 1, radius)
@@ -97,3 +98,27 @@ def frames(turned: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 3 3"]:
     normal = np.stack([ca * sb, sa * sb, cb], -1)
     cc, sc = cc[:, None], sc[:, None]
     return np.stack([cc * along + sc * across, cc * across - sc * along, normal], -1).astype(np.float32)
+
+
+class Table:
+    """A direction set with its weighted SH rows, in float32, laid out for both tracers."""
+
+    def __init__(self, local: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"], bands: int):
+        self.directions = local.astype(np.float32)
+        self.rows = (weights[:, None] * sh.evaluate(np.asarray(local, np.float64), bands)).astype(np.float32)
+        matrix = sh.rotation_matrix(QUARTER, bands)
+        row, column = np.nonzero(np.abs(matrix) > 1e-12)
+        # the quarter turn by its few entries other than zero, and the number of bands
+        self.flip = (row, column, matrix[row, column], bands)
+        self._packed: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+
+    def packed(self, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Directions by packets "n/w 3 w", rows by lanes "n b 8", and the sum of each packet's rows "n/w b 8"."""
+        if width not in self._packed:
+            count, k = self.rows.shape
+            rows = np.zeros((count, -(-k // LANES) * LANES), np.float32)
+            rows[:, :k] = self.rows
+            sums = rows.reshape(-1, width, rows.shape[1]).sum(1, dtype=np.float64).astype(np.float32)
+            packets = np.ascontiguousarray(self.directions.reshape(-1, width, 3).transpose(0, 2, 1))
+            self._packed[width] = packets, rows.reshape(count, -1, LANES), sums.reshape(len(sums), -1, LANES)
+        return self._packed[width]

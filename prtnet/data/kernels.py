@@ -15,9 +15,10 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from prtnet.data.directions import LANES
+
 FAR = np.float32(1e37)  # what embreex uses
-NEAR, TIME, TFAR = 3, 7, 8
-LANES = 8  # coefficients are summed in blocks of this many, so that the inner loop has a fixed length
+TFAR = 8
 
 
 @intrinsic
@@ -54,7 +55,10 @@ def gather_kernel(width: int):
     """The kernel that sums SH rows over the free directions of each point, for packets of `width` rays."""
 
     @njit(nogil=True, cache=True)
-    def gather(function, scene, rays, valid, origins, frames, turns, directions, rows, sums, flip, bands, out):
+    def gather(
+        function, scene, rays, valid, origins, frames, turns,
+        directions, rows, sums, flip_row, flip_column, flip_value, bands, out,
+    ):  # fmt: skip
         blocks = rows.shape[1]
         total, work = np.empty((blocks, LANES)), np.empty(blocks * LANES)
         for i in range(origins.shape[0]):
@@ -85,21 +89,22 @@ def gather_kernel(width: int):
                             for b in range(blocks):
                                 for k in range(LANES):
                                     total[b, k] += rows[j * width + q, b, k]
-            to_world(total.ravel(), work, turns[i], flip, bands, out[i])
+            to_world(total.ravel(), work, turns[i], flip_row, flip_column, flip_value, bands, out[i])
 
     return gather
 
 
 @njit(nogil=True, cache=True)
-def to_world(local, work, turn, flip, bands, out):
+def to_world(local, work, turn, row, column, value, bands, out):
     """Coefficients in a local frame R = Rz(a) Ry(b) Rz(c) to world axes; `turn` holds cos, sin of c, b, a.
 
-    Ry is a turn about z between two fixed quarter turns (`flip`), so every step is orthogonal at any number of bands.
+    Ry is a turn about z between two fixed quarter turns, given by their entries other than zero, so every step is
+    orthogonal at any number of bands.
     """
     turn_z(local, turn[0], turn[1], bands)
-    apply_bands(flip, False, local, work, bands)
+    multiply(column, row, value, local, work)
     turn_z(work, turn[2], turn[3], bands)
-    apply_bands(flip, True, work, local, bands)
+    multiply(row, column, value, work, local)
     turn_z(local, turn[4], turn[5], bands)
     for k in range(bands * bands):
         out[k] = local[k]
@@ -107,6 +112,7 @@ def to_world(local, work, turn, flip, bands, out):
 
 @njit(nogil=True, cache=True)
 def turn_z(c, cosine, sine, bands):
+    """Turns coefficients about z in place: Y_l,m and Y_l,-m mix by the angle m a."""
     cm, sm = 1.0, 0.0
     for m in range(1, bands):
         cm, sm = cm * cosine - sm * sine, sm * cosine + cm * sine
@@ -116,15 +122,11 @@ def turn_z(c, cosine, sine, bands):
 
 
 @njit(nogil=True, cache=True)
-def apply_bands(matrix, forward, c, out, bands):
-    """out = M c (forward) or M^T c, where M is block diagonal by bands."""
-    for l in range(bands):
-        low, high = l * l, (l + 1) * (l + 1)
-        for i in range(low, high):
-            out[i] = 0.0
-        for j in range(low, high):
-            for i in range(low, high):
-                out[i] += (matrix[i, j] if forward else matrix[j, i]) * c[j]
+def multiply(row, column, value, c, out):
+    """out = M c for a sparse M."""
+    out[:] = 0
+    for e in range(len(value)):
+        out[row[e]] += value[e] * c[column[e]]
 
 
 @lru_cache(maxsize=3)

@@ -15,8 +15,9 @@ from jaxtyping import Float
 
 from prtnet import PrtnetError
 from prtnet.data import directions as sets
+from prtnet.data.directions import Table
 from prtnet.data.samples import morton_order
-from prtnet.data.tracer import Table, Tracer
+from prtnet.data.tracer import Tracer
 
 log = logging.getLogger(__name__)
 
@@ -44,39 +45,44 @@ def bake(
     depend on rng, its own row and its place in the input, not on threads or on other points. `progress` gets the
     number of points done.
     """
-    _check(positions, normals)
+    sides = normals if geometric_normals is None else geometric_normals
+    _check(positions, normals, sides)
     table = Table(*sets.local_set(kind, directions, rng), bands)
     azimuth = rng.random(len(positions)) * 2 * np.pi
-    sides = normals if geometric_normals is None else geometric_normals
     out = np.empty((len(positions), bands * bands), np.float32)
+    if not len(positions):
+        return out
 
     def work(index: np.ndarray) -> int:
-        turned = sets.turns(normals[index], azimuth[index])
-        out[index] = tracer.gather(tracer.origins(positions[index], sides[index]), turned, table)
+        turns = sets.turns(normals[index], azimuth[index])
+        out[index] = tracer.gather(tracer.origins(positions[index], sides[index]), turns, table)
         return len(index)
 
-    order = morton_order(tracer.frame.to_unit(positions))
-    chunks = np.array_split(order, max(1, -(-len(order) * len(table.directions) // CHUNK_RAYS)))
-    started, done, spoken = time.perf_counter(), 0, time.perf_counter()
-    for count in _in_threads(work, chunks, threads or len(os.sched_getaffinity(0))):
+    rays = len(positions) * len(table.directions)
+    count = min(len(positions), -(-rays // CHUNK_RAYS))
+    chunks = np.array_split(morton_order(tracer.frame.to_unit(positions)), count)
+    started = spoken = time.perf_counter()
+    done = 0
+    for count in _in_threads(work, chunks, threads or cores()):
         done += count
         if progress is not None:
             progress(done)
         if time.perf_counter() - spoken > LOG_SECONDS:
             spoken = time.perf_counter()
-            _log(tracer, done, len(positions), len(table.directions), spoken - started)
-    _log(tracer, done, len(positions), len(table.directions), time.perf_counter() - started)
-    tracer.rays_traced += len(positions) * len(table.directions)
+            _log(tracer.kind, done, len(positions), len(table.directions), spoken - started)
+    _log(tracer.kind, done, len(positions), len(table.directions), time.perf_counter() - started)
+    tracer.rays_traced += rays
     return out
 
 
-def _check(positions: np.ndarray, normals: np.ndarray) -> None:
+def _check(positions: np.ndarray, normals: np.ndarray, sides: np.ndarray) -> None:
     if not np.isfinite(positions).all():
         raise PrtnetError("transfer: found positions that are not finite")
-    length = np.einsum("ni,ni->n", normals, normals, dtype=np.float64)
-    if not np.allclose(length, 1, atol=1e-3):
-        worst = length[np.argmax(np.abs(length - 1))] ** 0.5
-        raise PrtnetError(f"transfer: found a normal of length {worst:.3g}, expected unit normals")
+    for name, vectors in (("normal", normals), ("geometric normal", sides)):
+        length = np.sqrt(np.einsum("ni,ni->n", vectors, vectors, dtype=np.float64))
+        if not np.allclose(length, 1, atol=1e-3):
+            worst = length[np.argmax(np.abs(length - 1))]
+            raise PrtnetError(f"transfer: found a {name} of length {worst:.3g}, expected unit vectors")
 
 
 def _in_threads(work: Callable[[np.ndarray], int], chunks: list[np.ndarray], threads: int) -> Iterator[int]:
@@ -90,7 +96,12 @@ def _in_threads(work: Callable[[np.ndarray], int], chunks: list[np.ndarray], thr
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _log(tracer: Tracer, done: int, total: int, directions: int, seconds: float) -> None:
+def _log(tracer: str, done: int, total: int, directions: int, seconds: float) -> None:
     rate = done * directions / max(seconds, 1e-9)
-    left = (total - done) * directions / max(rate, 1e-9)
-    log.info("transfer: %s, %d of %d points, %.1f Mray/s, %.0f s left", tracer.kind, done, total, rate / 1e6, left)
+    left = f"{(total - done) * directions / rate:.0f} s left" if done < total else f"in {seconds:.1f} s"
+    log.info("transfer: %s, %d of %d points, %.1f Mray/s, %s", tracer, done, total, rate / 1e6, left)
+
+
+def cores() -> int:
+    """Processor cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

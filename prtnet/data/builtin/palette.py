@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from prtnet.data.part import Part
 from prtnet.data.shapes import Surface, merge
@@ -50,7 +49,9 @@ ALBEDO = {
 }
 
 
-def part(name: str, surfaces: Surface | Iterable[Surface], albedo: str | ArrayLike, *, sheets: bool = False) -> Part:
+def part(
+    name: str, surfaces: Surface | Iterable[Surface], albedo: str | tuple[float, float, float], *, sheets: bool = False
+) -> Part:
     """A part of a scene; `albedo` is a name in ALBEDO or linear RGB, `sheets` makes it two-sided."""
     surface = surfaces if isinstance(surfaces, Surface) else merge(surfaces)
     colour = np.asarray(ALBEDO[albedo] if isinstance(albedo, str) else albedo, np.float64)

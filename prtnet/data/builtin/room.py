@@ -19,7 +19,7 @@ BOOK_COLOURS = ("rust", "navy", "mustard", "celadon")
 def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
     """Walls with openings, sofa, armchair, tables, shelf with books, lamps, a plant, pictures."""
     half_x, _, half_z = SIZE
-    rug = box([-1.35, GAP, -0.75], [1.05, 0.015, 0.85])
+    rug = box([-1.35, GAP / 2, -0.75], [1.05, 0.015, 0.85])
     return [
         part("floor", ground(half_x + 0.05, half_z + 0.05), "parquet"),
         part("walls", _walls(), "plaster"),

@@ -26,7 +26,7 @@ def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
         spoons.append(spoon(0.17, tessellation).turned(turn + 1.3).moved(*place).moved(0, 0.034 + GAP, 0))
         spoons[-1] = spoons[-1].moved(*(np.array([np.sin(turn), 0, np.cos(turn)]) * 0.165))
     jug_place, bowl_place = {"x": 0.40, "z": -0.24}, {"x": 0.30, "z": 0.33}
-    on_tray = GAP + TRAY * 0.4
+    on_tray = 2 * GAP + TRAY * 0.4
     return [
         part("table", _table(tessellation), "oak"),
         part("tray", _tray(tessellation).moved(y=GAP), "silver"),
@@ -89,6 +89,6 @@ def _cubes(rng: np.random.Generator) -> list[Surface]:
     half = 0.021
     cube = box([-half, -half, -half], [half, half, half])
     heap = [(0.052 * np.sin(a), 0.105, 0.052 * np.cos(a)) for a in np.arange(5) * 2 * np.pi / 5] + [(0, 0.152, 0)]
-    inside = [cube.turned(rng.uniform(0, 3)).moved(0.30 + x, y + TRAY * 0.4, 0.33 + z) for x, y, z in heap]
-    loose = [(0.42, 0.80), (0.47, 0.86), (-0.55, -0.72)]
+    inside = [cube.turned(rng.uniform(0, 3)).moved(0.30 + x, y + 2 * GAP + TRAY * 0.4, 0.33 + z) for x, y, z in heap]
+    loose = [(0.0, 1.0), (0.055, 1.06), (-0.85, -0.45)]
     return inside + [cube.turned(rng.uniform(0, 3)).moved(x, half + GAP, z) for x, z in loose]

@@ -17,7 +17,7 @@ ROWS = [
     {"render"},
     {"score"},
     {"size"},
-    {"chart", "plot", "sheet", "report"},
+    {"chart"},
     {"config"},
     {"pipeline"},
     {"cli", "__main__"},

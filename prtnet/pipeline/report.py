@@ -3,8 +3,9 @@
 import logging
 from typing import Any
 
-from prtnet import chart, plot, score, sheet, store
-from prtnet import report as pages
+from prtnet import score, store
+from prtnet.chart import plot, sheet, tables
+from prtnet.chart import report as pages
 from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -33,7 +34,7 @@ def report(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
     if not (stamp.exists() and stamp.read_text() == scored.key and all(path.exists() for path in written)):
         _write(job, baked, trained, exported, scored)
         store.write_text(stamp, scored.key)
-    print(chart.table(scored.rows))
+    print(tables.table(scored.rows))
     print(f"\n{page}")
 
 

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
-from prtnet import PrtnetError, chart, store
+from prtnet import PrtnetError, store
+from prtnet.chart import tables
 from prtnet.score import Row
 
 COLOURS = ("#0b6fb8", "#c8501e", "#2a8a5b", "#8e4fa8", "#b08a00", "#c0397a", "#4c5f73", "#5b9bd5")
@@ -28,12 +29,12 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
     Only rows against `reference` are drawn; the front and the noise floor are those of one scene, material and light.
     With several of these a colour stands for each, else for each method. A point's area grows with its bytes.
     """
-    shown = [row for row in chart.ordered(rows) if row.reference == reference and row.psnr is not None]
+    shown = [row for row in tables.ordered(rows) if row.reference == reference and row.psnr is not None]
     if not shown:
         raise PrtnetError(f"chart: found no row against {reference!r} among {len(rows)}, expected at least one")
-    groups: dict[chart.Group, list[Row]] = {}
+    groups: dict[tables.Group, list[Row]] = {}
     for row in shown:
-        groups.setdefault(chart.group_of(row), []).append(row)
+        groups.setdefault(tables.group_of(row), []).append(row)
     figure = _figure(12.0, 5.4)
     figure.suptitle(_plain(title or "Speed against accuracy"), x=0.06, ha="left", color=INK, weight="bold", size=14)
     for place, (key, label) in enumerate(PANELS):
@@ -108,7 +109,7 @@ class Labels:
     taken: list[Bbox] = field(default_factory=list)
 
 
-def _panel(axes: Axes, groups: dict[chart.Group, list[Row]], key: str) -> None:
+def _panel(axes: Axes, groups: dict[tables.Group, list[Row]], key: str) -> None:
     _dress(axes)
     rows = [row for members in groups.values() for row in members]
     points = [row for row in rows if getattr(row, key) is not None and getattr(row, key) > 0 and not row.is_noise_floor]
@@ -120,7 +121,7 @@ def _panel(axes: Axes, groups: dict[chart.Group, list[Row]], key: str) -> None:
     colours = _colours(groups, points)
     labels = Labels()
     for group, members in groups.items():
-        ours = [row for row in points if chart.group_of(row) == group]
+        ours = [row for row in points if tables.group_of(row) == group]
         line = "#aeb5c0" if len(groups) == 1 else colours[group]
         _draw_front(axes, [(getattr(row, key), row.psnr or 0.0) for row in ours], line, labels)
         for floor in (row for row in members if row.is_noise_floor):
@@ -137,7 +138,7 @@ def _panel(axes: Axes, groups: dict[chart.Group, list[Row]], key: str) -> None:
     _write_labels(axes, labels)
 
 
-def _colours(groups: dict[chart.Group, list[Row]], points: Sequence[Row]) -> dict[Any, str]:
+def _colours(groups: dict[tables.Group, list[Row]], points: Sequence[Row]) -> dict[Any, str]:
     names: list[Any] = list(groups) if len(groups) > 1 else sorted({row.method for row in points})
     return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
 
@@ -153,7 +154,7 @@ def _limits(axes: Axes, costs: Sequence[float], accuracies: Sequence[float]) -> 
     axes.set_ylim(min(accuracies) - pad, max(accuracies) + pad)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1 else chart.count(value)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if value < 1 else tables.count(value)))
 
 
 def _draw_front(axes: Axes, points: Sequence[tuple[float, float]], colour: str, labels: Labels) -> None:
@@ -186,7 +187,7 @@ def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> 
     radius = (area / pi) ** 0.5 * axes.figure.dpi / 72
     x, y = axes.transData.transform(place)
     labels.taken.append(Bbox.from_extents(x - radius, y - radius, x + radius, y + radius))
-    text = chart.method_name(row) + ("" if row.bytes is None else f" · {chart.size(row.bytes)}")
+    text = tables.method_name(row) + ("" if row.bytes is None else f" · {tables.size(row.bytes)}")
     labels.points.append((x, y, radius, _plain(text), colour))
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from prtnet import PrtnetError, report
+from prtnet import PrtnetError
+from prtnet.chart import report
 from tests.rows import NET, ROWS, TWO_SCENES
 
 EVIL = '<script>alert("x")</script>'

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from matplotlib.transforms import Bbox
 from PIL import Image
 
-from prtnet import PrtnetError, plot
+from prtnet import PrtnetError
+from prtnet.chart import plot
 from tests.rows import BOTH_REFERENCES, FLOOR, NET, ROWS, TWO_SCENES
 
 POINTS = st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(10, 60)), max_size=20)

@@ -7,7 +7,8 @@ from html import escape
 from io import BytesIO
 from pathlib import Path
 
-from prtnet import PrtnetError, chart, plot, store
+from prtnet import PrtnetError, store
+from prtnet.chart import plot, tables
 from prtnet.score import Row
 
 Facts = Mapping[str, str | int | float | None]
@@ -94,9 +95,9 @@ def card(
 ) -> None:
     """Write a page in Markdown on a net: its facts, scores, pictures (by caption), files (name to what it is), use and
     limits. Pictures are linked relative to the page."""
-    plain = chart.escape_markdown
+    plain = tables.escape_markdown
     parts = [f"# {plain(title)}", "## Facts", _markdown_table({plain(k): plain(fact(v)) for k, v in facts.items()})]
-    parts += ["## Scores", chart.markdown(rows).strip()]
+    parts += ["## Scores", tables.markdown(rows).strip()]
     for caption, picture in pictures.items():
         link = Path(os.path.relpath(picture.absolute(), path.parent.absolute())).as_posix()
         parts.append(f"![{plain(caption)}](<{link}>)")
@@ -126,7 +127,7 @@ def report(
     figures = [_figure(caption, _read(picture)) for caption, picture in pictures.items()]
     sections = [
         _tiles(rows),
-        _section("Scores", *(_score_table(grid) for grid in chart.grids(rows)), f"<p>{escape(chart.LEGEND)}</p>"),
+        _section("Scores", *(_score_table(grid) for grid in tables.grids(rows)), f"<p>{escape(tables.LEGEND)}</p>"),
         _section("Pictures", *figures),
     ]
     if history:
@@ -140,7 +141,7 @@ def report(
 
 
 def _page(title: str, rows: Sequence[Row], body: str) -> str:
-    groups = ", ".join(dict.fromkeys(" · ".join(chart.group_of(row)) for row in chart.ordered(rows)))
+    groups = ", ".join(dict.fromkeys(" · ".join(tables.group_of(row)) for row in tables.ordered(rows)))
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -181,7 +182,7 @@ def _figure(caption: str, png: bytes) -> str:
     return f"<figure>{button}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _score_table(grid: chart.Grid) -> str:
+def _score_table(grid: tables.Grid) -> str:
     names = [title in ("method", "against") for title in grid.titles]
     head = "".join(f"<th{' class=name' * name}>{escape(t)}</th>" for t, name in zip(grid.titles, names, strict=True))
     lines = [f"<tr>{head}</tr>"]
@@ -199,10 +200,10 @@ def _fact_table(facts: Facts) -> str:
 
 def _tiles(rows: Sequence[Row]) -> str:
     """The headline figures: those of the one scene, or each scene's best method when there are several."""
-    groups: dict[chart.Group, list[Row]] = {}
-    for row in chart.ordered(rows):
+    groups: dict[tables.Group, list[Row]] = {}
+    for row in tables.ordered(rows):
         if row.reference == "traced" and row.psnr is not None:
-            groups.setdefault(chart.group_of(row), []).append(row)
+            groups.setdefault(tables.group_of(row), []).append(row)
     make = _headlines if len(groups) == 1 else _summary
     tiles = [tile for members in groups.values() for tile in make(members)]
     cells = "".join(f"<div class=tile><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in tiles)
@@ -214,10 +215,10 @@ def _headlines(rows: Sequence[Row]) -> list[tuple[str, str]]:
     net = next((row for row in rows if row.method.startswith("net")), None)
     texture = next((row for row in rows if row.method == "texture"), None)
     if net and net.bytes and texture and texture.bytes:
-        share = f"1/{texture.bytes / net.bytes:.0f} of the texture's {chart.size(texture.bytes)}"
-        tiles.append((chart.size(net.bytes), f"size of {chart.method_name(net)}, {share}"))
+        share = f"1/{texture.bytes / net.bytes:.0f} of the texture's {tables.size(texture.bytes)}"
+        tiles.append((tables.size(net.bytes), f"size of {tables.method_name(net)}, {share}"))
     if net and net.ms_ratio:
-        tiles.append((chart.ratio(net.ms_ratio), f"time of {chart.method_name(net)}, over the texture's"))
+        tiles.append((tables.ratio(net.ms_ratio), f"time of {tables.method_name(net)}, over the texture's"))
     return tiles
 
 
@@ -231,4 +232,4 @@ def _decibels(row: Row) -> str:
 
 
 def _against(row: Row) -> str:
-    return "noise floor" if row.is_noise_floor else f"{chart.method_name(row)} against {row.reference}"
+    return "noise floor" if row.is_noise_floor else f"{tables.method_name(row)} against {row.reference}"

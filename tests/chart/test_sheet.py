@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from prtnet import PrtnetError, sheet
+from prtnet import PrtnetError
+from prtnet.chart import sheet
 
 
 def images(seed: int, views: int, height: int = 20, width: int = 32) -> list[np.ndarray]:

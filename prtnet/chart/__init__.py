@@ -1,0 +1,1 @@
+"""From score rows to what people look at: tables, charts, contact sheets, pages."""

@@ -51,17 +51,15 @@ def _read_file(path: Path) -> list[Part]:
         loaded = _parse(path, text)
     except PrtnetError:
         raise
-    except IndexError as error:
-        raise PrtnetError(f"{path}: an index points outside of its array ({error}); export the file again") from error
     # parsers of foreign bytes fail in any way they like, and every one of them is the user's to know
     except Exception as error:
         raise PrtnetError(
             f"{path}: cannot be read as {suffix[1:].upper()} ({type(error).__name__}: {error}); export the file again"
         ) from error
     finishes = obj_finishes(text, path) if text else {}
-    parts = _by_material([_instance(loaded, node, header, finishes, path) for node in _nodes(loaded)])
-    _check(parts, header, path)
-    return parts
+    nodes = _nodes(loaded)
+    _check([loaded.geometry[loaded.graph[node][1]] for node in nodes], header, path)
+    return _by_material([_instance(loaded, node, header, finishes, path) for node in nodes])
 
 
 def _parse(path: Path, text: str) -> trimesh.Scene:
@@ -116,7 +114,7 @@ def _instance(
         finishes[str(label)] = gltf_finish(material, header, path)
     finish = finishes.get(str(label), Finish())
     known = header or label in finishes
-    vertices, faces, normals = _placed(mesh, np.asarray(matrix, np.float64), path)
+    vertices, faces, normals = _placed(mesh, np.asarray(matrix, np.float64))
     uv = getattr(mesh.visual, "uv", None)
     uv = np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (len(vertices), 2) else None
     name = str(label) if known and label else path.stem
@@ -124,15 +122,11 @@ def _instance(
 
 
 def _placed(
-    mesh: trimesh.Trimesh, matrix: Float[Array, "4 4"], path: Path
+    mesh: trimesh.Trimesh, matrix: Float[Array, "4 4"]
 ) -> tuple[Float[Array, "v 3"], Int[Array, "f 3"], Float[Array, "v 3"] | None]:
     """Vertices, faces and the file's normals under a transform; mirrors turn the winding."""
     faces = np.asarray(mesh.faces, np.int64)
     vertices = np.asarray(mesh.vertices, np.float64)
-    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise PrtnetError(
-            f"{path}: a face uses vertex {faces.max()}, expected indices below {len(vertices)}; export the file again"
-        )
     linear = matrix[:3, :3]
     # only what the file gave: trimesh computes normals of its own on demand
     normals = np.asarray(mesh.vertex_normals, np.float64) if "vertex_normals" in mesh._cache else None
@@ -171,20 +165,24 @@ def _joined(group: list[Part]) -> Part:
     )
 
 
-def _check(parts: list[Part], header: dict[str, Any], path: Path) -> None:
-    """Raises PrtnetError when a file holds nothing that can be drawn."""
-    if not sum(len(part.faces) for part in parts):
+def _check(meshes: list[trimesh.Trimesh], header: dict[str, Any], path: Path) -> None:
+    """Raises PrtnetError when a file holds nothing that can be drawn, or a vertex or an index that cannot be."""
+    meshes = [mesh for mesh in meshes if len(mesh.faces)]
+    if not meshes:
         raise PrtnetError(f"{path}: no triangles found, expected at least one (points and curves are not drawn)")
-    for part in parts:
-        bad = np.count_nonzero(~np.isfinite(part.vertices).all(axis=1))
+    for mesh in meshes:
+        count, low, high = len(mesh.vertices), mesh.faces.min(), mesh.faces.max()
+        if low < 0 or high >= count:
+            found = low if low < 0 else high
+            raise PrtnetError(f"{path}: a face uses vertex {found}, expected 0 to {count - 1}; export the file again")
+        bad = np.count_nonzero(~np.isfinite(mesh.vertices).all(axis=1))
         if bad:
-            raise PrtnetError(f"{path}: {bad} of {len(part.vertices)} vertices are not finite; export the file again")
-    packed = [name for name in header.get("extensionsUsed", []) if "compression" in name]
-    empty = [part.name for part in parts if len(part.faces) and not part.vertices.any()]
-    if packed and empty:
+            raise PrtnetError(f"{path}: {bad} of {count} vertices are not finite; export the file again")
+    empty = sum(not mesh.vertices.any() for mesh in meshes)
+    packed = ", ".join(name for name in header.get("extensionsUsed", []) if "compression" in name)
+    if empty and packed:
         raise PrtnetError(
-            f"{path}: all vertices of {empty[0]} are zero: {', '.join(packed)} is not decoded; "
-            "export the file without compression"
+            f"{path}: all vertices of {empty} meshes are zero: {packed} is not decoded; export without compression"
         )
-    if len(empty) == len(parts):
+    if empty == len(meshes):
         raise PrtnetError(f"{path}: all vertices are zero, expected a mesh with an extent; export the file again")

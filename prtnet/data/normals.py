@@ -26,8 +26,8 @@ def unit(vectors: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     return scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-30)
 
 
-def weld(vertices: Float[Array, "v 3"]) -> tuple[Int[Array, " w"], Int[Array, " v"]]:
-    """Equal positions as one: (index of one vertex for each distinct position, position index of each vertex)."""
+def weld(vertices: Float[Array, "v d"]) -> tuple[Int[Array, " w"], Int[Array, " v"]]:
+    """Equal rows as one: (index of one vertex for each distinct row, row number of each vertex)."""
     rows = np.ascontiguousarray(np.asarray(vertices, np.float64) + 0.0)  # -0.0 becomes 0.0
     order = np.lexsort(rows.T)
     fresh = np.ones(len(rows), bool)
@@ -38,22 +38,28 @@ def weld(vertices: Float[Array, "v 3"]) -> tuple[Int[Array, " w"], Int[Array, " 
 
 
 def crease_normals(
-    vertices: Float[Array, "v 3"], faces: Int[Array, "f 3"], *, crease_degrees: float = 40.0
+    vertices: Float[Array, "v 3"],
+    faces: Int[Array, "f 3"],
+    uv: Float[Array, "v 2"] | None = None,
+    *,
+    crease_degrees: float = 40.0,
 ) -> tuple[Int[Array, " s"], Int[Array, "f 3"], Float[Array, "s 3"]]:
-    """(source vertex of each new vertex, faces over the new vertices, unit normals): split where creases need it."""
-    _, position = weld(vertices)
+    """(source vertex of each new vertex, faces over the new vertices, unit normals).
+
+    Vertices are split where creases need it, and joined where position, normal and `uv` are the same.
+    """
+    keep, position = weld(vertices)
     flat = unit(face_cross(vertices, faces))
     group = _smooth_corners(position[faces], flat, np.cos(np.radians(crease_degrees)))
-    # one new vertex for each pair of (smoothing group, old vertex): equal positions may differ in uv
-    keys, first, corner = np.unique(
-        np.stack([group, faces.ravel().astype(np.int64)], axis=1), axis=0, return_index=True, return_inverse=True
-    )
+    keep, row = (keep, position) if uv is None else weld(np.hstack([vertices, uv]))
+    pairs = group * len(keep) + row[faces.ravel()]
+    keys, first, corner = np.unique(pairs, return_index=True, return_inverse=True)
     weighted = (corner_angles(vertices, faces)[..., None] * flat[:, None]).reshape(-1, 3)
     sums = np.stack([np.bincount(group, weighted[:, axis]) for axis in range(3)], axis=1)
-    normals = unit(sums)[keys[:, 0]]
+    normals = unit(sums)[keys // len(keep)]
     lost = ~np.any(normals, axis=1)
     normals[lost] = flat[first[lost] // 3]
-    return keys[:, 1], corner.reshape(-1, 3).astype(np.int32), normals.astype(np.float32)
+    return keep[keys % len(keep)], corner.reshape(-1, 3).astype(np.int32), normals.astype(np.float32)
 
 
 def corner_angles(vertices: Float[Array, "v 3"], faces: Int[Array, "f 3"]) -> Float[Array, "f 3"]:

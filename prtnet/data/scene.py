@@ -213,6 +213,6 @@ def _material(part: Part) -> Material:
 
 
 def _with_normals(part: Part) -> Part:
-    source, faces, normals = crease_normals(part.vertices, part.faces)
+    source, faces, normals = crease_normals(part.vertices, part.faces, part.uv)
     uv = None if part.uv is None else part.uv[source]
     return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv)

@@ -17,11 +17,9 @@ from prtnet import PrtnetError
 log = logging.getLogger(__name__)
 Array = np.ndarray
 
-# What xatlas calls padding leaves about twice as many free texels between the texels that two charts touch. A bilinear
-# look-up inside a chart reaches the texels it touches and one ring; with 2 that ring is always filled from this chart
-# alone. Many small charts would be mostly padding: they get 1, and a few border texels are shared by two charts.
-PADDING, TIGHT_PADDING = 2, 1
-SMALL_CHART = 400  # texels of the page per chart
+# xatlas leaves this many texels around each chart, so about twice as many between two. A bilinear look-up inside a
+# chart reaches the texels it touches and one ring, which 1 keeps apart from the other charts' touched texels.
+PADDING = 1
 # xatlas takes edges below 1e-4 and areas below 1e-7 for degenerate: it gets unit coordinates times this
 ENLARGE = 1000
 # page sizes this close to the wanted one end the search
@@ -45,24 +43,23 @@ def charts(
             corner.reshape(-1, 3).astype(np.uint32),
             normals[used].astype(np.float32),
         )
-    atlas.generate(xatlas.ChartOptions(), _packing(PADDING, resolution=size))
+    atlas.generate(xatlas.ChartOptions(), _packing(resolution=size))
     pages = [_corners(atlas, mesh, len(faces)) for mesh, faces in enumerate(sheets)]
     placed = np.concatenate([page[1] for page in pages])
-    padding = PADDING if size * size >= SMALL_CHART * atlas.chart_count else TIGHT_PADDING
-    corners, kept, packed = _fit(np.concatenate([page[0] for page in pages])[placed], size, padding)
+    corners, kept, packed = _fit(np.concatenate([page[0] for page in pages])[placed], size)
     placed[placed] = kept
     if not placed.any():
         raise PrtnetError(f"atlas: xatlas placed none of {len(placed)} faces, expected at least one")
     log.info(
-        "atlas: %d faces in %d charts on %d x %d texels, padding %d, %.1f s",
-        len(placed), packed.chart_count, packed.width, packed.height, padding, time.perf_counter() - start,
+        "atlas: %d faces in %d charts on %d x %d texels, %.1f s",
+        len(placed), packed.chart_count, packed.width, packed.height, time.perf_counter() - start,
     )  # fmt: skip
     return _fill(vertices[np.concatenate(sheets)], placed, corners[kept] / np.float32(size))
 
 
-def _packing(padding: int, *, resolution: int = 0, texels_per_unit: float = 0) -> xatlas.PackOptions:
+def _packing(*, resolution: int = 0, texels_per_unit: float = 0) -> xatlas.PackOptions:
     options = xatlas.PackOptions()
-    options.padding, options.resolution, options.texels_per_unit = padding, resolution, texels_per_unit
+    options.padding, options.resolution, options.texels_per_unit = PADDING, resolution, texels_per_unit
     options.bilinear = False
     return options
 
@@ -76,12 +73,12 @@ def _corners(atlas: xatlas.Atlas, mesh: int, count: int) -> tuple[Float32[Array,
 
 
 def _fit(
-    corners: Float32[Array, "f 3 2"], size: int, padding: int
+    corners: Float32[Array, "f 3 2"], size: int
 ) -> tuple[Float32[Array, "f 3 2"], Bool[Array, " f"], xatlas.Atlas]:
     """Pack laid out charts again until the page is just under `size` wide and high."""
     best, best_scale, history, scale = None, 0.0, [], 1.0
     while len(history) < TRIES:
-        packed = _pack(corners, scale, padding)
+        packed = _pack(corners, scale)
         side = max(packed.width, packed.height)
         history.append((scale, side))
         if packed.atlas_count == 1 and side <= size and scale > best_scale:
@@ -91,18 +88,18 @@ def _fit(
         scale = _next_scale(history, best_scale, size)
     if best is None:
         raise PrtnetError(
-            f"atlas: {len(corners)} faces in charts with padding {padding} do not fit, found atlas.size {size}, "
+            f"atlas: {len(corners)} faces in charts do not fit, found atlas.size {size}, "
             f"expected about {history[-1][1]}"
         )
     return *_corners(best, 0, len(corners)), best
 
 
-def _pack(corners: Float32[Array, "f 3 2"], scale: float, padding: int) -> xatlas.Atlas:
+def _pack(corners: Float32[Array, "f 3 2"], scale: float) -> xatlas.Atlas:
     # the charts are told apart by shared vertices
     points, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     atlas = xatlas.Atlas()
     atlas.add_uv_mesh(points, index.reshape(-1, 3).astype(np.uint32))
-    atlas.generate(xatlas.ChartOptions(), _packing(padding, texels_per_unit=scale))
+    atlas.generate(xatlas.ChartOptions(), _packing(texels_per_unit=scale))
     return atlas
 
 

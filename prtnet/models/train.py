@@ -146,7 +146,7 @@ class _Watch:
     def _refuse_divergence(self) -> None:
         run = self._run
         recent = float(run.history[max(0, run.step - _CHECK) : run.step].mean())
-        start = float(run.history[:10].mean())
+        start = float(run.history[0])
         settled = run.step >= max(4 * _CHECK, run.steps // 20)
         if np.isfinite(recent) and not (settled and recent > start):
             return

@@ -1,0 +1,24 @@
+import numpy as np
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prtnet import netspec
+from prtnet.models.encoding import encode
+
+
+@given(st.lists(st.floats(-1, 1, width=32), min_size=3, max_size=3), st.integers(0, 12))
+def test_torch_encodes_as_numpy_does(point, frequencies):
+    x = np.array([point], np.float32)
+    found = encode(torch.from_numpy(x), frequencies).numpy()
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, netspec.encode(x, frequencies), rtol=0, atol=1e-6)
+
+
+def test_high_octaves_stay_exact_in_float32():
+    """The naive sin(2^j pi x) in float32 is off by 1e-3 here."""
+    x = np.float32(0.9999) * np.ones((1, 3), np.float32)
+    naive = np.sin(np.float32(np.pi) * np.float32(2.0**15) * x)
+    exact = netspec.encode(x, 16)[:, -6:-3]
+    assert np.abs(naive - exact).max() > 1e-3
+    assert np.abs(encode(torch.from_numpy(x), 16).numpy()[:, -6:-3] - exact).max() < 1e-6

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+import torch
+
+from prtnet import netspec, sh
+from prtnet.models.mlp import SCALE, Mlp
+from prtnet.models.recipe import ModelOptions, TrainOptions, published
+from tests.nets import random_points
+
+
+def _net(head, width=12, depth=3, bands=4, seed=0):
+    return Mlp(ModelOptions(width, depth), head, bands, torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize("activation", netspec.ACTIVATIONS)
+@pytest.mark.parametrize("output", netspec.OUTPUTS)
+@pytest.mark.parametrize("residual", [False, True])
+def test_torch_and_its_spec_agree(activation, output, residual):
+    net = _net(TrainOptions(activation=activation, output=output, residual=residual))
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        learned = net(torch.from_numpy(positions), torch.from_numpy(normals))
+        found = SCALE * (learned + net.unlearned(torch.from_numpy(normals))).numpy()
+    expected = netspec.evaluate_unit(net.spec(), positions, normals)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
+
+
+def test_the_residual_is_the_transfer_of_an_open_point():
+    net = _net(TrainOptions(residual=True, output="linear"))
+    with torch.no_grad():
+        net.weights[-1].zero_()
+        net.biases[-1].zero_()
+    positions, normals = random_points(50)
+    found = netspec.evaluate_unit(net.spec(), positions, normals)
+    np.testing.assert_allclose(found, sh.cosine_lobe(normals, 4), rtol=0, atol=1e-6)
+
+
+def test_spec_carries_the_recipes_head_and_the_frame():
+    head = published()
+    net = _net(head).spec(centre=(1.0, 2.0, 3.0), scale=0.5, name="x")
+    for field in ("activation", "negative_slope", "output", "residual", "position_frequencies", "normal_frequencies"):
+        assert getattr(net, field) == getattr(head, field)
+    assert (net.centre, net.scale, net.name, net.output_scale) == ((1.0, 2.0, 3.0), 0.5, "x", np.pi)
+    assert [weight.shape for weight in net.weights] == [(12, 90), (12, 12), (12, 12), (16, 12)]
+
+
+def test_initial_weights_follow_from_the_generator_alone():
+    torch.manual_seed(1)
+    before = torch.get_rng_state()
+    first, second, other = _net(published()), _net(published()), _net(published(), seed=1)
+    assert torch.equal(torch.get_rng_state(), before)
+    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
+    assert not torch.equal(first.weights[0], other.weights[0])
+
+
+def test_initial_weights_have_the_spread_of_torchs_linear_layer():
+    weight = _net(published(), width=64).weights[1]
+    assert weight.abs().max() <= 1 / np.sqrt(64)
+    assert weight.std().item() == pytest.approx(1 / np.sqrt(3 * 64), rel=0.03)

@@ -1,0 +1,46 @@
+from itertools import chain
+
+import pytest
+import torch
+
+from prtnet.models import optimiser
+from prtnet.models.mlp import Mlp
+from prtnet.models.recipe import ModelOptions, TrainOptions
+
+
+def _rates(steps=200, **options):
+    return [optimiser.rate(TrainOptions(**options), step, steps) for step in range(steps)]
+
+
+def test_constant_is_constant():
+    assert set(_rates(schedule="constant", warmup=0.5)) == {1.0}
+
+
+def test_cosine_climbs_then_falls_to_nothing():
+    rates = _rates(schedule="cosine", warmup=0.1)
+    assert rates[:20] == pytest.approx([(step + 1) / 20 for step in range(20)])
+    assert rates[109] == pytest.approx(0.5)
+    assert rates[19:] == sorted(rates[19:], reverse=True)
+    assert rates[-1] == 0
+
+
+def test_one_cycle_has_its_peak_at_three_tenths():
+    rates = _rates(schedule="one_cycle")
+    assert rates.index(max(rates)) == 59
+    assert max(rates) == pytest.approx(1)
+    assert rates[0] == pytest.approx(0.04, abs=0.001)
+    assert rates[-1] == 0
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("adam", 0), ("muon", 3)])
+def test_each_parameter_has_one_optimiser(name, hidden):
+    options = TrainOptions(optimiser=name, learning_rate=0.02, muon_rate=0.3)
+    net = Mlp(ModelOptions(8, 4), options, 5, torch.Generator().manual_seed(0))
+    optimisers = optimiser.make(net, options)
+    groups = [[id(p) for group in each.param_groups for p in group["params"]] for each in optimisers]
+    assert sorted(chain(*groups)) == sorted(id(parameter) for parameter in net.parameters())
+    assert len(groups) == (2 if hidden else 1)
+    if hidden:
+        assert groups[1] == [id(weight) for weight in net.weights[1:-1]]
+    optimiser.set_rate(optimisers, 0.5)
+    assert [each.param_groups[0]["lr"] for each in optimisers] == [0.01, 0.15][: len(optimisers)]

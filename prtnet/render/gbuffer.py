@@ -6,7 +6,6 @@ from math import pi
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
-from prtnet import PrtnetError
 from prtnet.data.samples import at_barycentric
 from prtnet.data.scene import Scene
 
@@ -54,8 +53,6 @@ def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float3
 
 def shade(gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"]) -> Float32[Array, "size size 3"]:
     """albedo / pi * sum t_i L_i at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods."""
-    if transfer.shape[1] != len(light):
-        raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {transfer.shape[1]}")
     image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
     image[gbuffer.pixel] = gbuffer.albedo / pi * (transfer @ light)
     return image.reshape(gbuffer.size, gbuffer.size, 3)

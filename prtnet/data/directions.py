@@ -14,7 +14,6 @@ from prtnet import PrtnetError, sh
 
 KINDS = ("cosine_fibonacci", "uniform", "stratified", "random")
 PACKET = 16  # sets are rounded up to a multiple of this, the widest ray packet
-LANES = 8  # rows are padded to a multiple of this: the compiled sums run over blocks of fixed length
 GOLDEN = (sqrt(5) - 1) / 2
 QUARTER = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # turns z to y: Ry(b) = QUARTER Rz(b) QUARTER^T
 
@@ -110,15 +109,16 @@ class Table:
         row, column = np.nonzero(np.abs(matrix) > 1e-12)
         # the quarter turn by its few entries other than zero, and the number of bands
         self.flip = (row, column, matrix[row, column], bands)
-        self._packed: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self._packed: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
-    def packed(self, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Directions by packets "n/w 3 w", rows by lanes "n b 8", and the sum of each packet's rows "n/w b 8"."""
-        if width not in self._packed:
+    def packed(self, width: int, lanes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """For packets of `width`: directions "n/w 3 w", rows padded to blocks "n b lanes", the sum of each packet."""
+        if (width, lanes) not in self._packed:
             count, k = self.rows.shape
-            rows = np.zeros((count, -(-k // LANES) * LANES), np.float32)
+            rows = np.zeros((count, -(-k // lanes) * lanes), np.float32)
             rows[:, :k] = self.rows
             sums = rows.reshape(-1, width, rows.shape[1]).sum(1, dtype=np.float64).astype(np.float32)
             packets = np.ascontiguousarray(self.directions.reshape(-1, width, 3).transpose(0, 2, 1))
-            self._packed[width] = packets, rows.reshape(count, -1, LANES), sums.reshape(len(sums), -1, LANES)
-        return self._packed[width]
+            blocks = rows.reshape(count, -1, lanes), sums.reshape(len(sums), -1, lanes)
+            self._packed[width, lanes] = packets, *blocks
+        return self._packed[width, lanes]

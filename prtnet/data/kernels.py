@@ -15,10 +15,9 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from prtnet.data.directions import LANES
-
 FAR = np.float32(1e37)  # what embreex uses
 TFAR = 8
+LANES = 8  # SH rows are summed in blocks of this many, so that the inner loop has a fixed length
 
 
 @intrinsic
@@ -65,16 +64,8 @@ def gather_kernel(width: int):
             total[:] = 0
             for axis in range(3):
                 rays[axis, :] = origins[i, axis]
-            ax, ay, az = frames[i, 0, 0], frames[i, 1, 0], frames[i, 2, 0]
-            bx, by, bz = frames[i, 0, 1], frames[i, 1, 1], frames[i, 2, 1]
-            nx, ny, nz = frames[i, 0, 2], frames[i, 1, 2], frames[i, 2, 2]
             for j in range(directions.shape[0]):
-                for q in range(width):
-                    x, y, z = directions[j, 0, q], directions[j, 1, q], directions[j, 2, q]
-                    rays[4, q] = x * ax + y * bx + z * nx
-                    rays[5, q] = x * ay + y * by + z * ny
-                    rays[6, q] = x * az + y * bz + z * nz
-                    rays[TFAR, q] = FAR
+                aim(width, frames[i], directions[j], rays)
                 call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)  # pyright: ignore[reportCallIssue]
                 free = 0
                 for q in range(width):
@@ -92,6 +83,20 @@ def gather_kernel(width: int):
             to_world(total.ravel(), work, turns[i], flip_row, flip_column, flip_value, bands, out[i])
 
     return gather
+
+
+@njit(nogil=True, cache=True)
+def aim(width, frame, local, rays):
+    """Points a packet along local directions "3 w" in a frame, in the order of operations of its NumPy twin."""
+    ax, ay, az = frame[0, 0], frame[1, 0], frame[2, 0]
+    bx, by, bz = frame[0, 1], frame[1, 1], frame[2, 1]
+    nx, ny, nz = frame[0, 2], frame[1, 2], frame[2, 2]
+    for q in range(width):
+        x, y, z = local[0, q], local[1, q], local[2, q]
+        rays[4, q] = x * ax + y * bx + z * nx
+        rays[5, q] = x * ay + y * by + z * ny
+        rays[6, q] = x * az + y * bz + z * nz
+        rays[TFAR, q] = FAR
 
 
 @njit(nogil=True, cache=True)

@@ -93,7 +93,7 @@ class Tracer:
         out = np.empty((len(origins), table.rows.shape[1]), np.float32)
         rays, valid = kernels.packet(scene.width)
         gather = kernels.gather_kernel(scene.width)
-        packed = table.packed(scene.width)
+        packed = table.packed(scene.width, kernels.LANES)
         gather(scene.function, scene.address, rays, valid, origins, frames, turns, *packed, *table.flip, out)
         return out
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from prtnet import PrtnetError, sh
-from prtnet.data import builtin, embree, samples
+from prtnet.data import builtin, embree, kernels, samples
 from prtnet.data import directions as sets
 from prtnet.data.tracer import Tracer, rays, to_world
 from tests.data.ray_scenes import join, quad, soup, surface_points
@@ -54,6 +54,32 @@ def test_fused_and_plain_agree_on_every_ray(name, width):
     found = fused.trace(origins, towards)
     np.testing.assert_array_equal(found, plain.trace(origins, towards))
     assert 0.02 < found.mean() < 0.98
+
+
+def test_both_twins_trace_the_very_same_rays():
+    rng = np.random.default_rng(7)
+    local = sets.local_set("random", 16, rng)[0].astype(np.float32)
+    packet, _ = kernels.packet(16)
+    for frame in sets.frames(sets.turns(rng.normal(size=(200, 3)), rng.random(200) * 7)):
+        kernels.aim(16, frame, np.ascontiguousarray(local.T), packet)
+        _, towards = rays(np.zeros((1, 3), np.float32), frame[None], local)
+        np.testing.assert_array_equal(packet[4:7].T, towards)
+
+
+@pytest.mark.parametrize("width", [16, 8, 4])
+def test_the_compiled_sums_see_the_occlusions_of_the_plain_twin(width):
+    """Rows of a unit matrix and a turn by nothing bring each ray's answer out of the kernel."""
+    scene = builtin.make("plants")
+    fused, plain = Tracer(scene, kind="fused", width=width), Tracer(scene, kind="embreex")
+    positions, normals = surface_points(scene, 1000, 9)
+    table = sets.Table(*sets.local_set("cosine_fibonacci", 256, np.random.default_rng(0)), 16)
+    table.rows = np.eye(256, dtype=np.float32)
+    turns = sets.turns(normals, np.random.default_rng(6).random(1000) * 7)
+    origins, frames = fused.origins(positions, normals), sets.frames(turns)
+    still = np.tile([1.0, 0, 1, 0, 1, 0], (1000, 1))
+    free = fused._gather_fused(fused._scene, origins, frames, still, table)
+    found = plain.trace(*rays(origins, frames, table.directions)).reshape(1000, 256)
+    np.testing.assert_array_equal(free < 0.5, found)
 
 
 @pytest.mark.parametrize("width", [16, 8, 4])

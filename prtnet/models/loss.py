@@ -7,18 +7,20 @@ minimise, and L2 spends itself on the few points next to shadow edges; Huber (19
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn import functional
 
 from prtnet import sh
 
 
-def rho(kind: str, error: Float[Tensor, "n k"], delta: float = 1.0) -> Float[Tensor, "n k"]:
+def rho(
+    kind: str, predicted: Float[Tensor, "n k"], target: Float[Tensor, "n k"], delta: float, reduction: str = "none"
+) -> Float[Tensor, "..."]:
     """|e|, e^2, or Huber's e^2 / 2 delta below delta and |e| - delta / 2 above: with the slope of L1 far out."""
     if kind == "l1":
-        return error.abs()
+        return functional.l1_loss(predicted, target, reduction=reduction)
     if kind == "l2":
-        return error.square()
-    size = error.abs()
-    return torch.where(size < delta, size.square() / (2 * delta), size - delta / 2)
+        return functional.mse_loss(predicted, target, reduction=reduction)
+    return functional.smooth_l1_loss(predicted, target, beta=delta, reduction=reduction)
 
 
 def band_weights(bands: int, falloff: float) -> Float[Tensor, " k"]:
@@ -43,8 +45,12 @@ def loss(
     *,
     kind: str,
     delta: float,
-    bands: Float[Tensor, " k"],
-    points: Float[Tensor, " n"],
+    bands: Float[Tensor, " k"] | None = None,
+    points: Float[Tensor, " n"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Mean over points and coefficients of weighted rho(predicted - target)."""
-    return (rho(kind, predicted.float() - target, delta) * bands * points[:, None]).mean()
+    """Mean over points and coefficients of weighted rho(predicted - target). None stands for weights of 1."""
+    if bands is None and points is None:
+        return rho(kind, predicted.float(), target, delta, "mean")
+    values = rho(kind, predicted.float(), target, delta)
+    values = values if bands is None else values * bands
+    return (values if points is None else values * points[:, None]).mean()

@@ -42,7 +42,8 @@ class Run:
         self.net = Mlp(model, options, bands, torch.Generator().manual_seed(options.seed)).to(self.device)
         self.optimisers = optimiser.make(self.net, options)
         self.average = [parameter.detach().clone() for parameter in self.net.parameters()] if options.average else []
-        self.band_weights = loss.band_weights(bands, options.band_falloff).to(self.device)
+        weighted = options.band_falloff != 0
+        self.band_weights = loss.band_weights(bands, options.band_falloff).to(self.device) if weighted else None
         self.table = self._table(points)
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)
@@ -71,7 +72,7 @@ class Run:
             kind=self.options.loss,
             delta=self.options.huber_delta,
             bands=self.band_weights,
-            points=rows[:, 6],
+            points=rows[:, 6] if self.options.dark_weight else None,
         )
         value.backward()
         for each in self.optimisers:
@@ -94,7 +95,8 @@ class Run:
             generator = torch.Generator().manual_seed(self.options.seed * 1_000_003 + epoch)
             self._epoch = epoch
             self._order = torch.randperm(len(self.table), generator=generator).to(self.device)
-        return self.table[self._order[index * self.batch : (index + 1) * self.batch]]
+        chosen = self._order[index * self.batch : (index + 1) * self.batch]
+        return torch.index_select(self.table, 0, chosen)
 
     def _clock(self) -> float:
         if self.device.type == "cuda":

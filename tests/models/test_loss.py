@@ -12,7 +12,8 @@ deltas = st.floats(1e-3, 1)
 
 
 def _rho(kind, error, delta=1.0):
-    return loss.rho(kind, torch.tensor([[error]], dtype=torch.float64), delta).item()
+    predicted = torch.tensor([[error]], dtype=torch.float64)
+    return loss.rho(kind, predicted, torch.zeros_like(predicted), delta).item()
 
 
 @given(errors, deltas)
@@ -52,3 +53,12 @@ def test_loss_is_the_weighted_mean():
     found = loss.loss(predicted, target, kind="l1", delta=1.0, bands=bands, points=points)
     by_hand = np.mean(np.abs((predicted - target).numpy()) * bands.numpy() * points.numpy()[:, None])
     assert found.item() == pytest.approx(by_hand, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["l1", "l2", "huber"])
+def test_no_weights_are_weights_of_one(kind):
+    rng = np.random.default_rng(0)
+    predicted, target = (torch.from_numpy(rng.normal(size=(6, 4)).astype(np.float32)) for _ in range(2))
+    plain = loss.loss(predicted, target, kind=kind, delta=0.5)
+    ones = loss.loss(predicted, target, kind=kind, delta=0.5, bands=torch.ones(4), points=torch.ones(6))
+    assert plain.item() == pytest.approx(ones.item(), rel=1e-6)

@@ -28,7 +28,7 @@ def test_positions_lie_on_their_faces(made, texels):
     weights = barycentric(corners, texels.positions)
     away = np.abs(np.einsum("ni,ni->n", texels.positions - corners[:, 0], made.scene.face_normals[texels.face]))
     assert away.max() < 1e-6
-    assert weights.min() > -1e-3
+    assert weights.min() > 0
     assert np.einsum("ni,nij->nj", weights, corners) == pytest.approx(texels.positions, abs=1e-6)
 
 
@@ -45,9 +45,10 @@ def test_a_texels_position_has_its_uv(made, texels):
     off = np.stack([uv[:, 0] * SIZE - column - 0.5, (1 - uv[:, 1]) * SIZE - row - 0.5], axis=1)
     covered = atlas.coverage(made.uv[made.scene.faces], SIZE).reshape(-1)[texels.index] > 0
     assert 0.1 < np.mean(covered) < 0.9
-    # texture coordinates are float32
-    assert np.abs(off[covered]).max() < 2e-3
-    assert np.abs(off).max() < 0.72
+    # texture coordinates are float32; centres on the very edge of a face are moved into it
+    assert np.percentile(np.abs(off[covered]), 90) < 2e-3
+    assert np.abs(off[covered]).max() < 0.26
+    assert np.abs(off).max() < 0.72 + 0.25
 
 
 def test_every_texel_that_a_face_touches_is_there(made, texels):
@@ -59,6 +60,17 @@ def test_every_texel_that_a_face_touches_is_there(made, texels):
     inner = (np.abs(points - np.round(points)) > 1e-3).all(axis=1)
     used = texture.mask(texels)
     assert used[SIZE - 1 - cell[inner, 1], cell[inner, 0]].all()
+
+
+def test_border_texels_keep_off_the_edge():
+    """A wall on a floor: a point on the line between them would see the outside below."""
+    room = scene(quad([-1, 0, 1], [2, 0, 0], [0, 0, -2]), quad([-1, 0, -1], [2, 0, 0], [0, 1, 0]))
+    found = texture.gbuffer(atlas.make(replace(room, uv=None), size=128), 128)
+    wall = found.normals[:, 2] > 0.5
+    low = room.vertices[:, 1].min()
+    assert found.positions[wall, 1].min() > low + 1e-3
+    assert found.positions[wall, 1].min() < low + 0.05
+    assert found.positions[~wall, 2].min() > -1 + 1e-3
 
 
 def test_scene_coordinates(made):

@@ -7,7 +7,6 @@ prints a table and writes experiments/results/bench_tracer.csv.
 
 import argparse
 import csv
-import platform
 import resource
 import time
 from collections.abc import Callable
@@ -29,7 +28,8 @@ def tracer(points: int) -> list[Row]:
     dense = builtin.make("plants", tessellation=4.0)
     rows = []
     for label, scene in (("room", builtin.make("room")), (f"plants, {len(dense.faces) // 1000}k triangles", dense)):
-        rows += _tracer_rows(label, scene, points)
+        # a tenth of the points where they cost ten times as much
+        rows += _tracer_rows(label, scene, points if scene is not dense else points // 10)
     return rows
 
 
@@ -47,18 +47,29 @@ def _tracer_rows(label: str, scene: Scene, points: int) -> list[Row]:
         for part in np.array_split(np.arange(len(origins)), 16)
     ]
     count = len(origins) * DIRECTIONS / 1e6
-    loop = plain._scene.run  # the bare call, without our own code around it
-    bare = _cpu_seconds(lambda: [loop(o, d, query="OCCLUDED") for o, d in batches])
+    bare, robust = (_bare_loop(fused, scene, batches, robust) for robust in (False, True))
     whole = _cpu_seconds(lambda: fused.gather(origins, turns, table))
     same = sum(int((fused.trace(o, d) != plain.trace(o, d)).sum()) for o, d in batches)
     common = {"scene": label, "triangles": len(scene.faces)}
     rows: list[Row] = [
-        {**common, "what": "EmbreeScene.run OCCLUDED, Mray per CPU-s", "value": count / bare},
+        {**common, "what": "EmbreeScene().run OCCLUDED, Mray per CPU-s", "value": count / bare},
+        {**common, "what": "EmbreeScene(robust=True).run, Mray per CPU-s", "value": count / robust},
         {**common, "what": "fused with SH sums, Mray per CPU-s", "value": count / whole},
         {**common, "what": "fused / plain", "value": bare / whole},
+        {**common, "what": "fused / plain robust", "value": robust / whole},
         {**common, "what": f"occlusions that differ, of {count:.1f} M", "value": same},
     ]
     return rows + [{**common, **row} for row in _bake_rows(fused, picked)]
+
+
+def _bare_loop(fused: Tracer, scene: Scene, batches: list[tuple[np.ndarray, np.ndarray]], robust: bool) -> float:
+    """CPU-seconds of embreex by itself, without our own code around it. Our tracers are robust; its default is not."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    bare = EmbreeScene(robust=robust)
+    TriangleMesh(bare, fused.frame.to_unit(scene.vertices).astype(np.float32), scene.faces)
+    return _cpu_seconds(lambda: [bare.run(o, d, query="OCCLUDED") for o, d in batches])
 
 
 def _bake_rows(fused: Tracer, picked: samples.Samples) -> list[Row]:

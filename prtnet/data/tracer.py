@@ -142,7 +142,7 @@ def _open(vertices: np.ndarray, faces: np.ndarray, kind: str, width: int | None)
             if kind == "fused":
                 raise
             log.warning("tracer: NOT the fused path but plain embreex, about 8 times slower: %s", error)
-    scene = EmbreeScene()
+    scene = EmbreeScene(robust=True)
     TriangleMesh(scene, vertices, faces)
     return scene
 

@@ -20,6 +20,7 @@ class SceneOptions:
     tessellation: float = 1.0  # built-in scenes: subdivision along each axis, relative
     seed: int = 0  # built-in scenes: placement of leaves, strips, books
     two_sided: str = "auto"  # files: auto = the file's word, else parts that are not closed; all; none
+    without: list[str] = field(default_factory=list)  # files: names of parts to leave out, a sea around an island, say
     camera: str = "auto"  # orbit, inside, or auto = the scene's own word, else by rays from its middle
 
 

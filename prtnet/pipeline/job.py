@@ -72,7 +72,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
 def _load(config: Config) -> Scene:
     options = config.scene
     if options.path:
-        return scene.load(Path(options.path), two_sided=options.two_sided)
+        return scene.load(Path(options.path), two_sided=options.two_sided, without=options.without)
     return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
 
 

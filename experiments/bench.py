@@ -120,10 +120,9 @@ def main() -> None:
     for row in rows:
         print(f"{row['scene']:28} {row['what']:48} {row['value']:12.3f}")
     RESULTS.mkdir(parents=True, exist_ok=True)
+    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the end"
     with (RESULTS / f"bench_{chosen.bench}.csv").open("w", newline="") as file:
-        file.write(
-            f"# python experiments/bench.py {chosen.bench} --points {chosen.points}, on {platform.processor()}\n"
-        )
+        file.write(f"# python experiments/bench.py {chosen.bench} --points {chosen.points}; {load}\n")
         writer = csv.DictWriter(file, ["scene", "triangles", "what", "value"])
         writer.writeheader()
         writer.writerows(rows)

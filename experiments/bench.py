@@ -7,6 +7,7 @@ prints a table and writes experiments/results/bench_tracer.csv.
 
 import argparse
 import csv
+import os
 import resource
 import time
 from collections.abc import Callable

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import hydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 
 from prtnet import PrtnetError, config
@@ -46,10 +48,24 @@ def _point() -> tuple[str, str | None]:
     return shlex.join(["prtnet", *settings.overrides.task]), name
 
 
+def _name_points(arguments: list[str]) -> list[str]:
+    """In a sweep: one more override, so that a point's folder is named by what is swept and not by what is fixed."""
+    if not {"-m", "--multirun"} & set(arguments):
+        return []
+    try:
+        overrides = OverridesParser.create().parse_overrides([word for word in arguments if "=" in word])
+    except OverrideParseException:
+        return []  # Hydra says what is wrong with it
+    swept = {override.key_or_group for override in overrides if override.is_sweep_override()}
+    fixed = sorted({override.key_or_group for override in overrides} - swept)
+    return [f"hydra.job.config.override_dirname.exclude_keys=[{','.join(fixed)}]"]
+
+
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 a key or value refused, 2 a PrtnetError, 130 interrupted."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
     config.register()
+    sys.argv += _name_points(sys.argv[1:])
     _job()
 
 

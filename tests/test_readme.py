@@ -1,0 +1,80 @@
+"""The README's commands are run, at a size that takes seconds."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.small import SETTINGS
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [
+    line.split("#")[0].strip()
+    for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    for line in block.splitlines()
+    if line.strip()
+]
+SMALLER = {key: value for key, value in SETTINGS.items() if key != "scene.name"} | {"render.size": 48, "atlas.size": 256}
+
+
+def stand_ins(folder: Path) -> None:
+    """The files that the README's examples name."""
+    import numpy as np
+    import OpenImageIO as oiio
+    import trimesh
+
+    box = trimesh.creation.box((1, 2, 1))
+    box.export(folder / "model.glb")
+    (folder / "folder_of_parts").mkdir()
+    box.export(folder / "folder_of_parts" / "box.obj")
+    image = oiio.ImageBuf(np.ones((8, 16, 3), np.float32))
+    assert image.write(str(folder / "studio.hdr")), image.geterror()
+
+
+def small(command: str) -> list[str]:
+    """The command with fewer of everything; what the README varies stays."""
+    given = shlex.split(command)[1:]
+    named = {argument.split("=")[0] for argument in given}
+    sizes = [f"{key}={value}" for key, value in SMALLER.items() if key not in named]
+    sizes += ["samples.count=2000"] if "samples.count" in named else []
+    return given + sizes + ["scene.tessellation=0.2"]
+
+
+def test_the_readme_names_the_two_commands():
+    script = (ROOT / "run").read_text(encoding="utf-8")
+    for name in ("demo", "test", "check", "gpu-check", "prtnet"):
+        assert re.search(rf"^{name}\)$", script, re.MULTILINE)
+    assert COMMANDS[:2] == ["./run demo", "./run test"]
+
+
+@pytest.mark.parametrize("command", [line for line in COMMANDS if line.startswith("prtnet")])
+def test_commands_do_what_they_say(command, tmp_path):
+    stand_ins(tmp_path)
+    arguments = [sys.executable, "-m", "prtnet", *small(command)]
+    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, timeout=400, check=False)
+    assert done.returncode == 0, done.stderr
+    points = 1
+    for argument in shlex.split(command):
+        points *= len(argument.split(",")) if "-m" in command and "=" in argument and "[" not in argument else 1
+    assert len(list((tmp_path / "runs").rglob("report.html"))) == points
+
+
+def test_links_lead_somewhere():
+    for link in re.findall(r"\]\(([^)]+)\)", README):
+        assert (ROOT / link).exists(), link
+
+
+def test_the_keys_of_the_table_exist_with_their_defaults():
+    from omegaconf import OmegaConf
+
+    from prtnet.config import Config
+
+    config = OmegaConf.structured(Config)
+    for keys, values in re.findall(r"^\| (`[a-z_.`, ]+`) \| ([\d, ]+) \|", README, re.MULTILINE):
+        found = [OmegaConf.select(config, key.strip(" `")) for key in keys.split(",")]
+        expected = [int(value.replace(" ", "")) for value in values.split(",")]
+        assert found == expected, keys

@@ -18,7 +18,10 @@ COMMANDS = [
     for line in block.splitlines()
     if line.strip()
 ]
-SMALLER = {key: value for key, value in SETTINGS.items() if key != "scene.name"} | {"render.size": 48, "atlas.size": 256}
+SMALLER = {key: value for key, value in SETTINGS.items() if key != "scene.name"} | {
+    "render.size": 48,
+    "atlas.size": 256,
+}
 
 
 def stand_ins(folder: Path) -> None:

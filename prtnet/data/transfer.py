@@ -99,7 +99,7 @@ def _in_threads(work: Callable[[np.ndarray], int], chunks: list[np.ndarray], thr
 def _log(tracer: str, done: int, total: int, directions: int, seconds: float) -> None:
     rate = done * directions / max(seconds, 1e-9)
     left = f"{(total - done) * directions / rate:.0f} s left" if done < total else f"in {seconds:.1f} s"
-    log.info("transfer: %s, %d of %d points, %.1f Mray/s, %s", tracer, done, total, rate / 1e6, left)
+    log.debug("transfer: %s, %d of %d points, %.1f Mray/s, %s", tracer, done, total, rate / 1e6, left)
 
 
 def cores() -> int:

@@ -1,7 +1,6 @@
 """Stage `bake`: training points, test points, and the transfer texture, each with its transfer by ray tracing."""
 
 import logging
-import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,12 +15,14 @@ from prtnet.data import samples, texture, transfer
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.pipeline.job import Job
+from prtnet.render import camera
 from prtnet.store import Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
 
 SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
+CLEARANCE = 0.05  # in unit lengths (the scene is 2 long): less before a point than this and nobody looks at it
 TEST_DIRECTIONS = 4  # times the training rays: the test set's noise is then half the training set's
 
 
@@ -141,7 +142,7 @@ def _bake(job: Job, part: Samples, directions: int, rng: np.random.Generator, re
 
 
 def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
-    threads = job.config.threads or len(os.sched_getaffinity(0))
+    threads = job.config.threads or transfer.cores()
     rate = threads * job.tracer.measure(points.positions, points.normals)
     count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
     title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
@@ -151,13 +152,13 @@ def _estimate(job: Job, title: str, points: Samples, directions: int, times: int
 
 
 def _point_set(job: Job, purpose: str, draw: Any, count: int, directions: int) -> PointSet:
-    """Points with transfer, less those from which no direction is free: no light ever reaches them."""
+    """Points with transfer, less those that no light reaches and nobody sees."""
     points = draw()
     inputs = job.scene_key | {"purpose": purpose, "count": count, "seed": job.config.seed}
     inputs["sequence"] = job.config.samples.sequence
     baked = traced(job, purpose, inputs, points, directions)
     values = baked.arrays["transfer"]
-    free = values[:, 0] > 0
+    free = ~_enclosed(job, points, values)
     enclosed = int(np.sum(~free))
     if enclosed == len(values):
         raise PrtnetError(f"{job.scene.name}: all {len(values)} samples are enclosed, expected some that see light")
@@ -170,6 +171,16 @@ def _point_set(job: Job, purpose: str, draw: Any, count: int, directions: int) -
         values[free],
         baked.facts | {"enclosed": enclosed, "points": len(values)},
     )
+
+
+def _enclosed(job: Job, points: Samples, values: Array) -> Array:
+    """Points from which no direction is free. Whoever sees one from outside would be such a direction; from inside a
+    room dark walls are seen, and only points with no space before them are left out: the bottoms of things."""
+    dark = values[:, 0] <= 0
+    if dark.any() and camera.kind_of(job.scene, job.tracer, job.config.scene.camera) == "inside":
+        hidden = job.tracer.clearance(points.positions[dark], points.geometric_normals[dark]) < CLEARANCE
+        dark[dark] = hidden
+    return dark
 
 
 def _texture(job: Job) -> BakedTexture:

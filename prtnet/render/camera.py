@@ -78,23 +78,27 @@ class Camera:
 
 
 def path(scene: Scene, tracer: Tracer, views: int, *, kind: str = "auto") -> list[Camera]:
-    """`views` cameras, uniform on the scene's own closed path.
+    """`views` cameras, uniform on the scene's own closed path; `kind` as in `kind_of`.
 
-    `kind` is "orbit", "inside", or "auto": what the scene says, and where it says nothing, inside if most points of its
-    middle are free and closed in. Raises PrtnetError for another kind, or where no free point is found inside.
+    Raises PrtnetError for an unknown kind, or where no free point is found inside.
     """
+    if views < 1:
+        raise PrtnetError(f"render.views: found {views}, expected at least 1")
+    cameras = _orbit if kind_of(scene, tracer, kind) == "orbit" else _inside
+    return cameras(scene, tracer, views)
+
+
+def kind_of(scene: Scene, tracer: Tracer, kind: str = "auto") -> str:
+    """Orbit or inside: what is asked for, else what the scene says, else inside if most points of its middle are
+    free and closed in. Raises PrtnetError for another word."""
     if kind == "auto":
         kind = scene.camera
     if kind == "auto":
         kind = "inside" if _closed_in(scene, tracer) else "orbit"
         log.info("camera: %s", kind)
-    if views < 1:
-        raise PrtnetError(f"render.views: found {views}, expected at least 1")
-    if kind == "orbit":
-        return _orbit(scene, tracer, views)
-    if kind == "inside":
-        return _inside(scene, tracer, views)
-    raise PrtnetError(f"camera: found {kind!r}, expected auto, orbit or inside")
+    if kind not in ("orbit", "inside"):
+        raise PrtnetError(f"camera: found {kind!r}, expected auto, orbit or inside")
+    return kind
 
 
 def coverage(scene: Scene, tracer: Tracer, camera: Camera, size: int = 32) -> float:

@@ -194,3 +194,13 @@ def test_measure_takes_samples():
     scene = builtin.make("cornell")
     picked = samples.area_uniform(scene, 100, np.random.default_rng(0))
     assert Tracer(scene).measure(picked.positions, picked.normals) > 1e5
+
+
+@pytest.mark.parametrize("kind", ["fused", "embreex"])
+def test_clearance_is_the_longest_free_way(kind):
+    tracer = Tracer(join(box([-1, -1, -2], [1, 1, 2])), kind=kind)
+    sides = np.array([[0, 0, 1.0], [0, 0, -1.0]])
+    found = tracer.clearance(np.array([[0.1, 0.2, -2.0], [0.0, 0.1, -2.0]]), sides, directions=256)
+    # the box is 2 long in unit lengths; its far corners are a little further. Outwards nothing is in the way
+    assert 1.9 < found[0] < np.hypot(2, 2**0.5)
+    assert np.isinf(found[1])

@@ -209,7 +209,7 @@ def test_progress_counts_to_the_end_and_the_log_names_the_tracer(monkeypatch, ca
     mesh, seen = soup(100, 7), []
     positions, normals = surface_points(mesh, 450, 8)
     tracer = Tracer(mesh)
-    with caplog.at_level(logging.INFO):
+    with caplog.at_level(logging.DEBUG):
         bake(tracer, positions, normals, progress=seen.append)
     assert seen[-1] == 450
     assert seen == sorted(seen)

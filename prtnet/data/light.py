@@ -90,7 +90,7 @@ def sky(
     *,
     sun: Sequence[float] = (0.75, 0.55, 0.45),
     sun_irradiance: Sequence[float] = (3.6, 3.1, 2.4),
-    sun_sharpness: float = 40.0,
+    sun_sharpness: float = 16.0,
     zenith: Sequence[float] = (0.20, 0.34, 0.62),
     horizon: Sequence[float] = (0.62, 0.70, 0.78),
     ground: Sequence[float] = (0.16, 0.13, 0.10),

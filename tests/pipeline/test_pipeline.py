@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from prtnet import netspec, score, store
 from prtnet.config import Config
@@ -151,3 +152,22 @@ def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path, changes, ready):
             assert len(set(same)) == 1, f"{stage}/{name}"
             assert name in artifacts(interrupted, stage)
     assert not list(interrupted.rglob("*.tmp"))
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-3, 0.0), (1e6, 0.0), (1.0, 1e4)])
+def test_the_same_mesh_scaled_and_moved_gives_the_same_picture(tmp_path, scale, offset):
+    box, ball = trimesh.creation.box((2, 0.2, 2)), trimesh.creation.icosphere(2, 0.4)
+    ball.apply_translation((0.2, 0.6, 0.1))
+    mesh = trimesh.util.concatenate([box, ball])
+    pictures = []
+    for name, factor, move in (("plain", 1.0, 0.0), ("moved", scale, offset)):
+        path = tmp_path / f"{name}.obj"
+        vertices = np.asarray(mesh.vertices) * factor + move
+        lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+        path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in np.asarray(mesh.faces) + 1]) + "\n")
+        run(config(tmp_path / name, scene__path=str(path), render__traced_directions=1024, train__steps=300))
+        kept = next((tmp_path / name / "cache" / "score").glob("*.safetensors"))
+        pictures.append(store.load_arrays(kept))
+    for method in ("traced", "texture", "net"):
+        difference = pictures[0][method].astype(np.float32) - pictures[1][method]
+        assert np.sqrt(np.mean(difference**2)) < 0.01, method

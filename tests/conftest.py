@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401  (the hook looks it up by name)
@@ -21,3 +22,16 @@ def _modules() -> list[str]:
 
 
 install_import_hook(_modules(), "tests.shapes.check")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--gpu", action="store_true", help="run the tests that need a GPU")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--gpu"):
+        return
+    skip = pytest.mark.skip(reason="needs a GPU: ./run gpu-check on a machine that has one")
+    for item in items:
+        if "gpu" in item.keywords:
+            item.add_marker(skip)

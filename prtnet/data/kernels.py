@@ -59,6 +59,7 @@ def gather_kernel(width: int):
         directions, rows, sums, flip_row, flip_column, flip_value, bands, out,
     ):  # fmt: skip
         blocks = rows.shape[1]
+        valid_address, rays_address = valid.ctypes.data, rays.ctypes.data
         total, work = np.empty((blocks, LANES)), np.empty(blocks * LANES)
         for i in range(origins.shape[0]):
             total[:] = 0
@@ -66,7 +67,7 @@ def gather_kernel(width: int):
                 rays[axis, :] = origins[i, axis]
             for j in range(directions.shape[0]):
                 aim(width, frames[i], directions[j], rays)
-                call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)  # pyright: ignore[reportCallIssue]
+                call_occluded(function, valid_address, scene, rays_address)  # pyright: ignore[reportCallIssue]
                 free = 0
                 for q in range(width):
                     free += rays[TFAR, q] > 0
@@ -85,7 +86,7 @@ def gather_kernel(width: int):
     return gather
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
 def aim(width, frame, local, rays):
     """Points a packet along local directions "3 w" in a frame, in the order of operations of its NumPy twin."""
     ax, ay, az = frame[0, 0], frame[1, 0], frame[2, 0]

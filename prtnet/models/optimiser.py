@@ -6,18 +6,19 @@ import torch
 
 from prtnet.models.mlp import Mlp
 from prtnet.models.recipe import TrainOptions
+from prtnet.models.soap import Soap
 
 
 def make(net: Mlp, options: TrainOptions) -> list[torch.optim.Optimizer]:
-    """Adam for all, or Muon (Jordan et al. 2024) for the matrices between hidden layers and Adam for the rest."""
-    hidden = list(net.weights[1:-1]) if options.optimiser == "muon" else []
-    rest = [parameter for parameter in net.parameters() if all(parameter is not matrix for matrix in hidden)]
-    betas = (0.9, options.beta2)
-    optimisers: list[torch.optim.Optimizer] = [
-        torch.optim.Adam(rest, lr=options.learning_rate, betas=betas, fused=True)
-    ]
-    if hidden:
-        optimisers.append(torch.optim.Muon(hidden, lr=options.muon_rate, weight_decay=0.0))
+    """Adam for all; or SOAP for matrices, or Muon (Jordan et al. 2024) for the hidden ones, and Adam for the rest."""
+    matrices = {"adam": [], "muon": list(net.weights[1:-1]), "soap": list(net.weights)}[options.optimiser]
+    rest = [parameter for parameter in net.parameters() if all(parameter is not matrix for matrix in matrices)]
+    adam = torch.optim.Adam(rest, lr=options.learning_rate, betas=(0.9, options.beta2), fused=True)
+    optimisers: list[torch.optim.Optimizer] = [adam]
+    if matrices and options.optimiser == "muon":
+        optimisers.append(torch.optim.Muon(matrices, lr=options.matrix_rate, weight_decay=0.0))
+    elif matrices:
+        optimisers.append(Soap(matrices, lr=options.matrix_rate))
     for optimiser in optimisers:
         for group in optimiser.param_groups:
             group["highest"] = group["lr"]

@@ -22,7 +22,7 @@ class TrainOptions:
     activation: str = "silu"  # leaky_relu | gelu | silu
     negative_slope: float = 0.01  # of leaky_relu
     output: str = "linear"  # tanh | linear
-    residual: bool = True  # the layers learn what occlusion changes of the transfer of an unoccluded point
+    residual: bool = False  # the layers learn what occlusion changes of the transfer of an unoccluded point
     position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
     normal_frequencies: int = 2
     # what is minimised
@@ -31,13 +31,13 @@ class TrainOptions:
     band_falloff: float = 0.0  # band l weighs (1 + l)^-band_falloff
     dark_weight: float = 0.0  # a point weighs (its open share)^-dark_weight, about as the display curve shows errors
     # how
-    optimiser: str = "adam"  # adam | muon (hidden matrices; adam for the rest)
-    learning_rate: float = 0.01  # the highest, of adam
-    muon_rate: float = 0.02  # the highest, of muon
+    optimiser: str = "soap"  # adam | soap (matrices; adam for biases) | muon (hidden matrices; adam for the rest)
+    learning_rate: float = 0.02  # the highest, of adam
+    matrix_rate: float = 0.04  # the highest, of soap or muon
     schedule: str = "cosine"  # constant | cosine | one_cycle
     warmup: float = 0.02  # share of the steps in which the rate climbs from 0; of cosine and one_cycle
     beta2: float = 0.999  # of adam
-    batch: int = 8192
+    batch: int = 2048
     average: float = 0.0  # decay of the running mean of the weights that is exported; 0: the last weights
     precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it
     device: str = "auto"  # cpu | cuda | auto: cuda where torch sees one
@@ -80,7 +80,7 @@ def check(options: TrainOptions) -> None:
         "activation": ("leaky_relu", "gelu", "silu"),
         "output": ("tanh", "linear"),
         "loss": ("l1", "l2", "huber"),
-        "optimiser": ("adam", "muon"),
+        "optimiser": ("adam", "muon", "soap"),
         "schedule": ("constant", "cosine", "one_cycle"),
         "precision": ("auto", "float32", "bfloat16"),
         "device": ("auto", "cpu", "cuda"),
@@ -89,7 +89,7 @@ def check(options: TrainOptions) -> None:
         found = getattr(options, field)
         if found not in allowed:
             raise PrtnetError(f"train.{field}: found {found!r}, expected one of {', '.join(allowed)}")
-    for field in ("learning_rate", "muon_rate", "huber_delta", "batch", "cpu_seconds"):
+    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds"):
         if not getattr(options, field) > 0:
             raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected more than 0")
     for field in ("warmup", "average", "beta2"):

@@ -32,15 +32,15 @@ def test_one_cycle_has_its_peak_at_three_tenths():
     assert rates[-1] == 0
 
 
-@pytest.mark.parametrize(("name", "hidden"), [("adam", 0), ("muon", 3)])
+@pytest.mark.parametrize(("name", "hidden"), [("adam", slice(0)), ("muon", slice(1, -1)), ("soap", slice(None))])
 def test_each_parameter_has_one_optimiser(name, hidden):
-    options = TrainOptions(optimiser=name, learning_rate=0.02, muon_rate=0.3)
+    options = TrainOptions(optimiser=name, learning_rate=0.02, matrix_rate=0.3)
     net = Mlp(ModelOptions(8, 4), options, 5, torch.Generator().manual_seed(0))
     optimisers = optimiser.make(net, options)
     groups = [[id(p) for group in each.param_groups for p in group["params"]] for each in optimisers]
     assert sorted(chain(*groups)) == sorted(id(parameter) for parameter in net.parameters())
-    assert len(groups) == (2 if hidden else 1)
-    if hidden:
-        assert groups[1] == [id(weight) for weight in net.weights[1:-1]]
+    assert len(groups) == (1 if name == "adam" else 2)
+    if name != "adam":
+        assert groups[1] == [id(weight) for weight in net.weights[hidden]]
     optimiser.set_rate(optimisers, 0.5)
     assert [each.param_groups[0]["lr"] for each in optimisers] == [0.01, 0.15][: len(optimisers)]

@@ -19,6 +19,10 @@ VERSION_MAJOR = 1
 NATIVE_WIDTHS = {16: 34, 8: 33, 4: 32}  # RTCDeviceProperty: native support of each packet width
 TRIANGLES, INDICES, VERTICES, UINT3, FLOAT3 = 0, 0, 1, 0x5003, 0x9003
 ROBUST = 4  # RTCSceneFlags
+COHERENT = 1 << 16  # RTCRayQueryFlags
+# Packets of neighbouring directions walk the tree together, which pays (5 to 20 %) until triangles are so small that
+# the rays of a packet part at once: measured break-even between 70 k and 600 k triangles.
+COHERENT_BELOW = 200_000
 
 SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcNewDevice": (c_void_p, [c_char_p]),
@@ -38,6 +42,24 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcOccluded8": (None, [c_void_p] * 4),
     "rtcOccluded16": (None, [c_void_p] * 4),
 }
+
+
+class QueryContext(ctypes.Structure):
+    """RTCRayQueryContext: no instancing."""
+
+    _fields_ = (("instance", c_uint * 16),)
+
+
+class OccludedArguments(ctypes.Structure):
+    """RTCOccludedArguments."""
+
+    _fields_ = (
+        ("flags", c_int),
+        ("feature_mask", c_uint),
+        ("context", POINTER(QueryContext)),
+        ("filter", c_void_p),
+        ("occluded", c_void_p),
+    )
 
 
 class EmbreeUnavailable(PrtnetError):
@@ -81,6 +103,10 @@ class PacketScene:
             raise EmbreeUnavailable(f"the wheel's Embree is version {major}, expected 4")
         self.width = width or self._native_width()
         self.function: int = ctypes.cast(getattr(embree, f"rtcOccluded{self.width}"), c_void_p).value or 0
+        flags = COHERENT if len(faces) < COHERENT_BELOW else 0
+        context = QueryContext((c_uint * 16)(*[0xFFFFFFFF] * 16))
+        self._arguments = OccludedArguments(flags, 0xFFFFFFFF, ctypes.pointer(context), None, None)
+        self.options: int = ctypes.addressof(self._arguments)
         self.address: int = self._build(vertices, faces)
 
     def _native_width(self) -> int:

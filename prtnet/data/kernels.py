@@ -21,15 +21,15 @@ LANES = 8  # SH rows are summed in blocks of this many, so that the inner loop h
 
 
 @intrinsic
-def call_occluded(typing_context, function, valid, scene, rays):
-    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments* = NULL) at an address."""
-    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+def call_occluded(typing_context, function, valid, scene, rays, options):
+    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments*) at an address."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
 
     def generate(context, builder, signature, arguments):
         word = ir.IntType(64)
         kind = ir.FunctionType(ir.VoidType(), [word] * 4)
         pointer = builder.inttoptr(arguments[0], kind.as_pointer())
-        builder.call(pointer, [*arguments[1:], ir.Constant(word, 0)])
+        builder.call(pointer, arguments[1:])
         return context.get_dummy_value()
 
     return signature, generate
@@ -55,7 +55,7 @@ def gather_kernel(width: int):
 
     @njit(nogil=True, cache=True)
     def gather(
-        function, scene, rays, valid, origins, frames, turns,
+        function, scene, options, rays, valid, origins, frames, turns,
         directions, rows, sums, flip_row, flip_column, flip_value, bands, out,
     ):  # fmt: skip
         blocks = rows.shape[1]
@@ -67,7 +67,7 @@ def gather_kernel(width: int):
                 rays[axis, :] = origins[i, axis]
             for j in range(directions.shape[0]):
                 aim(width, frames[i], directions[j], rays)
-                call_occluded(function, valid_address, scene, rays_address)  # pyright: ignore[reportCallIssue]
+                call_occluded(function, valid_address, scene, rays_address, options)  # pyright: ignore[reportCallIssue]
                 free = 0
                 for q in range(width):
                     free += rays[TFAR, q] > 0
@@ -140,7 +140,7 @@ def occluded_kernel(width: int):
     """The kernel that answers a list of rays, in packets of `width`."""
 
     @njit(nogil=True, cache=True)
-    def occluded(function, scene, rays, valid, origins, directions, out):
+    def occluded(function, scene, options, rays, valid, origins, directions, out):
         count = origins.shape[0]
         for first in range(0, count, width):
             for q in range(width):
@@ -149,7 +149,7 @@ def occluded_kernel(width: int):
                     rays[axis, q] = origins[i, axis]
                     rays[4 + axis, q] = directions[i, axis]
                 rays[TFAR, q] = FAR
-            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data)  # pyright: ignore[reportCallIssue]
+            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
             for q in range(min(width, count - first)):
                 out[first + q] = rays[TFAR, q] < 0
 

@@ -85,7 +85,7 @@ class Tracer:
         hit = np.empty(len(origins), np.bool_)
         rays, valid = kernels.packet(self._scene.width)
         trace = kernels.occluded_kernel(self._scene.width)
-        trace(self._scene.function, self._scene.address, rays, valid, origins, directions, hit)
+        trace(self._scene.function, self._scene.address, self._scene.options, rays, valid, origins, directions, hit)
         return hit
 
     def gather(
@@ -111,7 +111,9 @@ class Tracer:
         rays, valid = kernels.packet(scene.width)
         gather = kernels.gather_kernel(scene.width)
         packed = table.packed(scene.width, kernels.LANES)
-        gather(scene.function, scene.address, rays, valid, origins, frames, turns, *packed, *table.flip, out)
+        gather(
+            scene.function, scene.address, scene.options, rays, valid, origins, frames, turns, *packed, *table.flip, out
+        )
         return out
 
     def measure(

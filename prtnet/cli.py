@@ -48,24 +48,31 @@ def _point() -> tuple[str, str | None]:
     return shlex.join(["prtnet", *settings.overrides.task]), name
 
 
-def _name_points(arguments: list[str]) -> list[str]:
-    """In a sweep: one more override, so that a point's folder is named by what is swept and not by what is fixed."""
-    if not {"-m", "--multirun"} & set(arguments):
-        return []
+def _with_point_names(arguments: list[str]) -> list[str]:
+    """The arguments with one more override: a sweep's point is named by what is swept and not by what is fixed."""
+    words = [word for word in arguments if "=" in word and not word.startswith("-")]
     try:
-        overrides = OverridesParser.create().parse_overrides([word for word in arguments if "=" in word])
+        overrides = OverridesParser.create().parse_overrides(words)
     except OverrideParseException:
-        return []  # Hydra says what is wrong with it
+        return arguments  # Hydra says what is wrong with them
     swept = {override.key_or_group for override in overrides if override.is_sweep_override()}
     fixed = sorted({override.key_or_group for override in overrides} - swept)
-    return [f"hydra.job.config.override_dirname.exclude_keys=[{','.join(fixed)}]"]
+    if not fixed:
+        return arguments
+    # beside another override: argparse wants them together
+    place = arguments.index(words[0])
+    return [
+        *arguments[:place],
+        f"hydra.job.config.override_dirname.exclude_keys=[{','.join(fixed)}]",
+        *arguments[place:],
+    ]
 
 
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 a key or value refused, 2 a PrtnetError, 130 interrupted."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
     config.register()
-    sys.argv += _name_points(sys.argv[1:])
+    sys.argv[1:] = _with_point_names(sys.argv[1:])
     _job()
 
 

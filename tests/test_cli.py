@@ -15,7 +15,7 @@ def prtnet(*arguments: str, folder=None) -> subprocess.CompletedProcess[str]:
 
 def test_help_and_configuration_are_shown():
     assert "scene.path=" in prtnet("--help").stdout
-    shown = prtnet("--cfg", "job", "model.width=24").stdout
+    shown = prtnet("--cfg", "job", "model.width=24", "--resolve").stdout
     assert "width: 24" in shown
     for key in ("directions:", "count:", "cpu_seconds:", "views:", "size:", "bands:"):
         assert key in shown

@@ -27,7 +27,7 @@ Array = np.ndarray
 
 FORMAT = 1
 METADATA_KEY = "prtnet_net"
-ACTIVATIONS = ("leaky_relu", "gelu", "silu")
+ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu")
 OUTPUTS = ("tanh", "linear")
 _CHUNK = 1 << 15
 
@@ -94,9 +94,15 @@ def encode(x: Float[Array, "n 3"], frequencies: int) -> Float[Array, "n e"]:
 
 
 def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Array]:
-    """The activation as a function of an array. GELU is the tanh form (Hendrycks and Gimpel 2016)."""
+    """The activation as a function of an array. GELU is the tanh form (Hendrycks and Gimpel 2016).
+
+    hard_gelu(x) = x clamp((1 + x) / 2, 0, 1) is GELU's shape without an exponential: 0 below -1, x above 1, a parabola
+    between. It is the hard-swish of MobileNetV3 (Howard et al. 2019) of 3 x, over 3.
+    """
     if name == "leaky_relu":
         return lambda x: np.maximum(x, negative_slope * x)
+    if name == "hard_gelu":
+        return lambda x: x * np.clip(0.5 + 0.5 * x, 0, 1)
     if name == "silu":
         return lambda x: x * _sigmoid(x)
     return lambda x: x * _sigmoid(2 * math.sqrt(2 / math.pi) * (x + 0.044715 * x**3))

@@ -45,6 +45,7 @@ def test_evaluate_is_the_written_formula():
 def test_activations_at_known_places():
     x = np.array([-200.0, -1.0, 0.0, 1.0, 200.0])
     np.testing.assert_allclose(netspec.activation("leaky_relu", 0.01)(x), [-2, -0.01, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("hard_gelu")(x / 2), [0, -0.125, 0, 0.375, 100])
     np.testing.assert_allclose(netspec.activation("silu")(x), [0, -0.268941421, 0, 0.731058579, 200], atol=1e-9)
     # the published values of the exact GELU are -0.158655 and 0.841345; the tanh form is within 2e-4 of them
     np.testing.assert_allclose(netspec.activation("gelu")(x), [0, -0.158808, 0, 0.841192, 200], atol=1e-6)

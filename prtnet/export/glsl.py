@@ -144,6 +144,8 @@ def _helpers(net: NetSpec) -> list[str]:
 def _activation(net: NetSpec) -> str:
     if net.activation == "leaky_relu":
         return f"return max(x, {number(net.negative_slope)} * x);"
+    if net.activation == "hard_gelu":
+        return "return x * clamp(0.5 * x + 0.5, 0.0, 1.0);"
     argument = "x"
     if net.activation == "gelu":
         inner = 2 * math.sqrt(2 / math.pi)

@@ -19,7 +19,7 @@ class TrainOptions:
 
     recipe: str = "default"  # its name, for tables
     # the net around its layers
-    activation: str = "silu"  # leaky_relu | gelu | silu
+    activation: str = "hard_gelu"  # leaky_relu | gelu | silu | hard_gelu
     negative_slope: float = 0.01  # of leaky_relu
     output: str = "linear"  # tanh | linear
     residual: bool = False  # the layers learn what occlusion changes of the transfer of an unoccluded point
@@ -77,7 +77,7 @@ def published() -> TrainOptions:
 def check(options: TrainOptions) -> None:
     """Raises PrtnetError where a field holds a word or number that means nothing."""
     words = {
-        "activation": ("leaky_relu", "gelu", "silu"),
+        "activation": ("leaky_relu", "gelu", "silu", "hard_gelu"),
         "output": ("tanh", "linear"),
         "loss": ("l1", "l2", "huber"),
         "optimiser": ("adam", "muon", "soap"),

@@ -9,6 +9,7 @@ HEADS = [
     {"activation": "leaky_relu", "output": "tanh"},
     {"activation": "gelu", "output": "linear", "residual": True},
     {"activation": "silu", "output": "linear", "residual": True},
+    {"activation": "hard_gelu", "output": "linear"},
 ]
 
 

@@ -33,7 +33,7 @@ class TrainOptions:
     # how
     optimiser: str = "soap"  # adam | soap (matrices; adam for biases) | muon (hidden matrices; adam for the rest)
     learning_rate: float = 0.02  # the highest, of adam
-    matrix_rate: float = 0.04  # the highest, of soap or muon
+    matrix_rate: float = 0.025  # the highest, of soap or muon
     schedule: str = "cosine"  # constant | cosine | one_cycle
     warmup: float = 0.02  # share of the steps in which the rate climbs from 0; of cosine and one_cycle
     beta2: float = 0.999  # of adam

@@ -5,7 +5,7 @@
     python experiments/recipes.py default --only optimiser=adam --seed 1
 
 Scores are image PSNR against traced pixels under the procedural sky, 8 views of 128^2, each net evaluated in NumPy.
-Rows go to experiments/results/recipes/NAME.csv as they come. Run on an idle machine: a step count is measured.
+Rows go to experiments/results/recipes_search/NAME.csv as they come. Run on an idle machine: a step count is measured.
 """
 
 import argparse
@@ -30,13 +30,13 @@ from prtnet.pipeline.job import Job, open_job
 from prtnet.render import camera, raster
 from prtnet.render.gbuffer import GBuffer, shade
 
-RESULTS = Path(__file__).resolve().parent / "results" / "recipes"
+RESULTS = Path(__file__).resolve().parent / "results" / "recipes_search"
 VIEWS, SIZE, RAYS = 8, 128, 1024
 Change = dict[str, Any]
 
 # each change is judged at its own best rate: rates stand beside the options that need another
 SEARCHES: dict[str, tuple[TrainOptions, list[Change]]] = {
-    "published": (published(), [{"learning_rate": rate} for rate in (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)]),
+    "published": (published(), [{"learning_rate": rate} for rate in (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)]),
     "default": (
         TrainOptions(),
         [

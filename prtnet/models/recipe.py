@@ -65,7 +65,7 @@ def published() -> TrainOptions:
         band_falloff=0.0,
         dark_weight=0.0,
         optimiser="adam",
-        learning_rate=0.001,
+        learning_rate=0.01,
         schedule="constant",
         warmup=0.0,
         beta2=0.999,

@@ -163,7 +163,7 @@ def killed(arguments: list[str], out: Path, ready: str) -> None:
     [
         ({"samples__count": 300_000, "transfer__directions": 1024}, "cache/training/*.shards/*.json"),
         (
-            {"vertex__subdivide": "[floor]", "vertex__level": 6, "transfer__directions": 4096},
+            {"vertex__subdivide": ["floor"], "vertex__level": 6, "transfer__directions": 2816},
             "cache/vertex/*.shards/*.json",
         ),
         ({"train__steps": 3000, "train__checkpoint_seconds": 0.05}, "cache/net/*.checkpoint.safetensors"),

@@ -54,6 +54,13 @@ class AtlasOptions:
 
 
 @dataclass
+class VertexOptions:
+    kind: str = "shadowed"  # ray-traced, or unshadowed = the cosine lobe of the normal
+    subdivide: list[str] = field(default_factory=list)  # names of parts whose triangles are cut, the ground, say
+    level: int = 4  # of these cuts: each makes 4 triangles of one
+
+
+@dataclass
 class RenderOptions:
     size: int = 256  # pixels along one side
     views: int = 8  # uniform on the scene's camera path
@@ -67,6 +74,7 @@ class Config:
     transfer: TransferOptions = field(default_factory=TransferOptions)
     samples: SamplesOptions = field(default_factory=SamplesOptions)
     atlas: AtlasOptions = field(default_factory=AtlasOptions)
+    vertex: VertexOptions = field(default_factory=VertexOptions)
     model: ModelOptions = field(default_factory=ModelOptions)
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)

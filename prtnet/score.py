@@ -192,6 +192,17 @@ def texture_bytes(size: int, coefficients: int, *, half: bool = False, mipmaps: 
     return sum(side * side for side in sides) * 4 * math.ceil(coefficients / 4) * (2 if half else 4)
 
 
+def vertex_macs(vertices: int, coefficients: int, pixels: float) -> int:
+    """Multiply-adds of vertex PRT per covered pixel: the dot products of all vertices, seen or not, shared out among
+    the pixels, and three colour channels interpolated between three vertices at each."""
+    return round(vertices * diffuse_macs(coefficients) / max(pixels, 1)) + 9
+
+
+def vertex_bytes(vertices: int, coefficients: int) -> int:
+    """Bytes of the transfer of vertices in RGBA32F texels: the coefficients are padded to a multiple of four."""
+    return vertices * 16 * math.ceil(coefficients / 4)
+
+
 @dataclass(frozen=True)
 class Row:
     """One line of a score file. None stands for what was not, or cannot be, measured."""

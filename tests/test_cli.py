@@ -46,6 +46,8 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
         ("render.size=0", ["render.size", "0"]),
         ("light.path=absent.exr", ["absent.exr"]),
         ("transfer.kind=spiral", ["spiral", "cosine_fibonacci"]),
+        ("vertex.kind=shady", ["vertex.kind", "shady", "unshadowed, shadowed"]),
+        ("vertex.subdivide=[flor]", ["vertex.subdivide", "flor", "floor"]),
         ("train.loss=l3", ["train.loss", "l3"]),
     ],
 )

@@ -1,4 +1,4 @@
-"""Stage `bake`: training points, test points, and the transfer texture, each with its transfer by ray tracing."""
+"""Stage `bake`: training points, test points, the transfer texture and the vertices, with transfer by ray tracing."""
 
 import logging
 import time
@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from prtnet import PrtnetError, console, sh
 from prtnet.data import atlas as atlases
-from prtnet.data import samples, texture, transfer
+from prtnet.data import samples, texture, transfer, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
+from prtnet.data.scene import Scene
 from prtnet.pipeline.job import Job
 from prtnet.render import camera
 from prtnet.store import Artifact
@@ -48,11 +49,22 @@ class BakedTexture:
 
 
 @dataclass(frozen=True)
+class BakedMesh:
+    """Vertex PRT: the mesh it draws, in unit coordinates, and the transfer of its vertices."""
+
+    key: str
+    mesh: Scene
+    transfer: Float[Array, "v k"]
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Baked:
     training: PointSet
     areas: PointSet  # the independent test set
     vertices: PointSet  # the other test set
     texture: BakedTexture
+    mesh: BakedMesh
 
 
 def bake(job: Job) -> Baked:
@@ -75,6 +87,7 @@ def bake(job: Job) -> Baked:
         ),
         _point_set(job, "vertices", vertices, options.test_count, rays * TEST_DIRECTIONS),
         _texture(job),
+        _mesh(job),
     )
 
 
@@ -227,3 +240,22 @@ def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
     )
     overlap = np.nan if facts["overlap"] is None else facts["overlap"]
     return Atlas(mesh, arrays["uv"], facts["source"], overlap), facts["seconds"]
+
+
+def _mesh(job: Job) -> BakedMesh:
+    options = job.config.vertex
+    start = time.perf_counter()
+    mesh = vertex.mesh(job.scene, options.subdivide, options.level)
+    cut = sorted(set(options.subdivide)) if options.level else []
+    inputs = job.scene_key | {"subdivide": cut, "level": options.level if cut else 0}
+    if options.kind == "unshadowed":
+        bands = job.config.transfer.bands
+        baked = job.store.make(
+            "vertex",
+            inputs | {"bands": bands, "kind": options.kind},
+            lambda: ({"transfer": vertex.unshadowed(mesh, bands)}, {"seconds": time.perf_counter() - start}),
+        )
+    else:
+        inputs["seed"] = job.config.seed
+        baked = traced(job, "vertex", inputs, vertex.points(mesh), job.config.transfer.directions)
+    return BakedMesh(baked.key, mesh, baked.arrays["transfer"], baked.facts)

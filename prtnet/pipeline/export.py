@@ -1,4 +1,4 @@
-"""Stage `export`: the net as a file and as GLSL, the baseline as EXR, and the shader's error against the NumPy twin."""
+"""Stage `export`: the net as a file and as GLSL, the baselines as files, and the shader's error against its twin."""
 
 import json
 import logging
@@ -10,7 +10,7 @@ import numpy as np
 
 from prtnet import PrtnetError, gl, netspec, store
 from prtnet.data import texture
-from prtnet.export import glsl
+from prtnet.export import glsl, vertices
 from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
@@ -28,7 +28,7 @@ class Exported:
 
 
 def export(job: Job, baked: Baked, trained: Trained) -> Exported:
-    """Write net.safetensors, transfer.glsl, transfer.frag, transfer_texture.exr and export.json into the run folder.
+    """Write the net, its shaders, export.json and the files of the baselines into the run folder.
 
     Raises PrtnetError, and leaves no shader behind, when its error against the NumPy twin is above 1e-5.
     """
@@ -49,6 +49,7 @@ def export(job: Job, baked: Baked, trained: Trained) -> Exported:
     store.write_text(job.out / "transfer.frag", whole)
     store.write_text(job.out / "export.json", json.dumps(facts, indent=1, sort_keys=True) + "\n")
     _write_texture(job, baked)
+    _write_vertices(job, baked)
     log.info("export: shader against NumPy: %.1e at most, %.1e on average", facts["error_max"], facts["error_mean"])
     return Exported(shader, facts)
 
@@ -76,3 +77,12 @@ def _write_texture(job: Job, baked: Baked) -> None:
         return
     texture.write_exr(path, baked.texture.image, half=job.config.atlas.half)
     store.write_text(stamp, key)
+
+
+def _write_vertices(job: Job, baked: Baked) -> None:
+    path, stamp = job.out / "transfer_vertices.safetensors", job.out / ".transfer_vertices.key"
+    if path.exists() and stamp.exists() and stamp.read_text() == baked.mesh.key:
+        return
+    mesh = baked.mesh
+    vertices.write(path, vertices.of_mesh(mesh.mesh, job.frame, mesh.transfer, job.config.vertex.kind))
+    store.write_text(stamp, mesh.key)

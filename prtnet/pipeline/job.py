@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from prtnet import PrtnetError
 from prtnet.config import STAGES, Config
-from prtnet.data import builtin, directions, light, scene
+from prtnet.data import builtin, directions, light, scene, vertex
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.models import recipe
@@ -60,6 +60,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     _check(config)
     radiance = light.load(Path(config.light.path)) if config.light.path else light.sky()
     loaded = _load(config)
+    vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
     base = Path(config.out or f"runs/{loaded.name}")
     out = base / sweep_point if sweep_point else base
     out.mkdir(parents=True, exist_ok=True)
@@ -86,12 +87,16 @@ def _check(config: Config) -> None:
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
+    if config.vertex.kind not in vertex.KINDS:
+        expected = ", ".join(vertex.KINDS)
+        raise PrtnetError(f"vertex.kind: found {config.vertex.kind!r}, expected one of {expected}")
     least = {
         "transfer.bands": 1,
         "transfer.directions": 1,
         "samples.count": 1,
         "samples.test_count": 1,
         "atlas.size": 16,
+        "vertex.level": 0,
         "model.width": 1,
         "model.depth": 0,
         "train.batch": 1,

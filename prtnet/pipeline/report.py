@@ -20,6 +20,7 @@ FILES = {
     "transfer.glsl": "the function prt_transfer with the weights in it, to paste into a shader",
     "transfer.frag": "the same as a whole fragment shader",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
+    "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "score.json": "the scores below, for programs",
     "export.json": "the measured error of the shader",
     "config.yaml": "every key of this run",
@@ -86,6 +87,7 @@ def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
         "multiply-adds of the net": exported.facts["macs"],
         "bytes of the net": exported.facts["bytes"],
         "shader against NumPy, worst coefficient": f"{exported.facts['error_max']:.1e} (bound {verify.TOLERANCE:g})",
+        "vertices": f"{len(baked.mesh.mesh.vertices)}, {job.config.vertex.kind} ({_cuts(job)})",
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],
         "light": job.light_name,
@@ -95,3 +97,9 @@ def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
         "image": f"{render.views} views of {render.size} x {render.size}",
         "centre and scale": f"{job.frame.centre.tolist()}, {job.frame.scale:.9g}",
     }
+
+
+def _cuts(job: Job) -> str:
+    options = job.config.vertex
+    cut = bool(options.subdivide and options.level)
+    return f"{', '.join(options.subdivide)} cut {options.level} times" if cut else "as the scene has them"

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from prtnet.pipeline.bake import Baked, traced
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
-from prtnet.render import camera, raster
+from prtnet.render import camera, raster, vertex
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer
@@ -48,11 +48,12 @@ class View:
 
 
 def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) -> Scored:
-    """Rows of texture, net and the noise floor against `traced`, and of net against `texture`."""
+    """Rows of texture, vertex, net and the noise floor against `traced`, and of net against `texture`."""
     coefficients = light.project(job.radiance, job.config.transfer.bands)
     inputs = job.scene_key | {
         "texture": baked.texture.key,
         "atlas": asdict(job.config.atlas),
+        "vertex": baked.mesh.key,
         "net": trained.key,
         "shader": exported.shader,
         "light": coefficients.tolist(),
@@ -102,8 +103,12 @@ def _draw_and_score(
     views: list[View],
     coefficients: Array,
 ) -> tuple[dict[str, Array], dict[str, Any]]:
+    drawn = vertex.VertexMethod(baked.mesh.mesh, baked.mesh.transfer, job.config.render.size)
+    # a cut edge is rounded anew: a pixel of an outline may be the other meshes' alone
+    views = [replace(view, covered=view.covered & drawn.covers(view.camera)) for view in views]
     methods = {
         "texture": raster.TextureMethod(drawing, baked.texture.image, half=job.config.atlas.half),
+        "vertex": drawn,
         "net": raster.NetMethod(drawing, exported.shader),
     }
     frames: dict[str, list[Image]] = {"traced": [view.reference for view in views]}
@@ -116,9 +121,9 @@ def _draw_and_score(
     covered = [view.covered for view in views]
     exposure = score.exposure(frames["traced"], covered)
     times = _times(methods, views[0].camera, coefficients)
-    costs = _costs(job, baked, trained, times)
+    costs = _costs(job, baked, trained, times, float(np.mean([mask.sum() for mask in covered])))
     rows = []
-    for method, reference in (("texture", "traced"), ("net", "traced"), ("net", "texture")):
+    for method, reference in (("texture", "traced"), ("vertex", "traced"), ("net", "traced"), ("net", "texture")):
         metrics = score.score_views(frames[method], frames[reference], covered, exposure)
         rows.append(_row(job, metrics, method, reference, costs[method]))
     rows.append(_noise_floor(job, views[0], coefficients, exposure))
@@ -146,7 +151,10 @@ def _times(methods: Mapping[str, Any], eye: Camera, coefficients: Array) -> dict
     return {name: float(np.median(values)) for name, values in taken.items()}
 
 
-def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+def _costs(
+    job: Job, baked: Baked, trained: Trained, times: Mapping[str, float], pixels: float
+) -> dict[str, dict[str, Any]]:
+    """What each method takes; `pixels` are those that a frame covers."""
     count = sh.count(job.config.transfer.bands)
     dot = score.diffuse_macs(count)
     costs = {
@@ -154,6 +162,12 @@ def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float])
             "macs": score.fetch_macs(count, "bilinear") + dot,
             "bytes": score.texture_bytes(job.config.atlas.size, count, half=job.config.atlas.half),
             "bake_seconds": baked.texture.facts["seconds"],
+            "train_seconds": None,
+        },
+        "vertex": {
+            "macs": score.vertex_macs(len(baked.mesh.mesh.vertices), count, pixels),
+            "bytes": score.vertex_bytes(len(baked.mesh.mesh.vertices), count),
+            "bake_seconds": baked.mesh.facts["seconds"],
             "train_seconds": None,
         },
         "net": {

@@ -33,13 +33,8 @@ class GBuffer:
 
 def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float32[Array, "h w 3"]) -> GBuffer:
     """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces."""
-    image = faces.reshape(-1, 4)
-    pixel = np.flatnonzero(image[:, 0] > 0)
-    face, weights = image[pixel, 0].astype(np.int64) - 1, np.empty((len(pixel), 3))
-    # a pixel centre may lie a hair outside of its triangle
-    weights[:, 1:] = np.clip(image[pixel, 1:3], 0, 1)
-    weights[:, 0] = np.maximum(1 - weights[:, 1] - weights[:, 2], 0)
-    points = at_barycentric(unit_scene, face, weights / weights.sum(axis=1, keepdims=True))
+    pixel, face, weights = barycentric(faces)
+    points = at_barycentric(unit_scene, face, weights)
     return GBuffer(
         positions=points.positions.astype(np.float32),
         normals=points.normals,
@@ -49,6 +44,17 @@ def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float3
         pixel=pixel,
         size=len(faces),
     )
+
+
+def barycentric(faces: Float32[Array, "h w 4"]) -> tuple[Int[Array, " n"], Int[Array, " n"], Float[Array, "n 3"]]:
+    """(pixel, face, barycentric weights) of the covered pixels of an image of (face + 1, b1, b2, 1)."""
+    image = faces.reshape(-1, 4)
+    pixel = np.flatnonzero(image[:, 0] > 0)
+    face, weights = image[pixel, 0].astype(np.int64) - 1, np.empty((len(pixel), 3))
+    # a pixel centre may lie a hair outside of its triangle
+    weights[:, 1:] = np.clip(image[pixel, 1:3], 0, 1)
+    weights[:, 0] = np.maximum(1 - weights[:, 1] - weights[:, 2], 0)
+    return pixel, face, weights / weights.sum(axis=1, keepdims=True)
 
 
 def shade(gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"]) -> Float32[Array, "size size 3"]:

@@ -49,9 +49,10 @@ class Raster:
         self._albedo = self.program(gl.shader("albedo.glsl") + gl.shader("albedo.frag.glsl"))
         self._albedo_draws = self.draws(self._albedo)
 
-    def program(self, fragment: str, **defines: object) -> moderngl.Program:
-        """A fragment shader for the colour pass, joined to the vertex shader that all passes share."""
-        return gl.program(gl.shader("mesh.vert.glsl"), fragment, None, **defines)
+    def program(self, fragment: str, vertex: str = "", **defines: object) -> moderngl.Program:
+        """A fragment shader for the colour pass, joined to the vertex shader that all passes share, which may run a
+        function of the text `vertex` as AT_VERTEX."""
+        return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
 
     def draws(self, program: moderngl.Program) -> list[tuple[moderngl.Texture, moderngl.VertexArray]]:
         """The mesh bound to a program: an albedo texture and a vertex array per group."""
@@ -110,7 +111,7 @@ class Raster:
         return self.target.read()[..., :3]
 
 
-class _Diffuse:
+class Diffuse:
     """Albedo / pi * sum t_i L_i by a program that finds t somewhere. Compiled once, drawn often."""
 
     def __init__(self, raster: Raster, coefficients: range, source: str, declarations: str, transfer: str):
@@ -152,7 +153,7 @@ class _Diffuse:
         self.raster.render(self.program, self.draws, camera, prepass=prepass)
 
 
-class TextureMethod(_Diffuse):
+class TextureMethod(Diffuse):
     """Transfer from a texture over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear."""
 
     def __init__(self, raster: Raster, texture: Float[Array, "s s k"], *, half: bool = False):
@@ -172,7 +173,7 @@ class TextureMethod(_Diffuse):
         super().render(camera, prepass=prepass)
 
 
-class NetMethod(_Diffuse):
+class NetMethod(Diffuse):
     """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel."""
 
     def __init__(self, raster: Raster, function: str):

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from prtnet import netspec, score, store
+from prtnet import netspec, score, sh, store
 from prtnet.config import Config
+from prtnet.export import vertices
 from prtnet.pipeline import run
 from tests.small import SETTINGS, overrides
 
@@ -44,6 +45,7 @@ def test_a_run_leaves_everything_in_its_folder(finished):
         "transfer.glsl",
         "transfer.frag",
         "transfer_texture.exr",
+        "transfer_vertices.safetensors",
         "export.json",
         "score.json",
         "card.md",
@@ -59,10 +61,15 @@ def test_a_run_leaves_everything_in_its_folder(finished):
 def test_rows_say_what_was_compared(finished):
     rows, versions = score.read(finished / "score.json")
     found = {(row.method, row.reference) for row in rows}
-    assert found == {("texture", "traced"), ("net", "traced"), ("net", "texture"), (score.NOISE_FLOOR, "traced")}
+    traced = {(name, "traced") for name in ("texture", "vertex", "net", score.NOISE_FLOOR)}
+    assert found == traced | {("net", "texture")}
     by_method = {row.method: row for row in rows if row.reference == "traced"}
     assert by_method["texture"].ms_ratio == 1.0
     assert by_method["net"].macs == netspec.macs(netspec.load(finished / "net.safetensors")) + 27
+    count = len(vertices.read(finished / "transfer_vertices.safetensors").positions)
+    assert by_method["vertex"].bytes == count * 3 * 16
+    assert (by_method["vertex"].macs or 0) > 9 + count * 27 // 32**2
+    assert (by_method["vertex"].bake_seconds or 0) > 0
     assert all(row.psnr is not None and row.psnr > 10 for row in rows)
     assert versions["torch"]
 
@@ -94,11 +101,32 @@ def test_the_same_command_again_only_prints(finished, capsys):
 
 
 def test_another_width_keeps_the_bake(finished):
-    before = {stage: artifacts(finished, stage) for stage in ("training", "texture", "traced", "atlas", "net")}
+    stages = ("training", "texture", "vertex", "traced", "atlas", "net")
+    before = {stage: artifacts(finished, stage) for stage in stages}
     run(config(finished, model__width=12))
-    for stage in ("training", "texture", "traced", "atlas"):
+    for stage in stages[:-1]:
         assert artifacts(finished, stage) == before[stage]
     assert len(artifacts(finished, "net")) == len(before["net"]) + 1
+    run(config(finished))
+
+
+def test_another_mesh_for_the_vertices_keeps_the_rest(finished):
+    stages = ("training", "texture", "traced", "atlas", "net")
+    before = {stage: artifacts(finished, stage) for stage in (*stages, "vertex", "score")}
+    coarse = vertices.read(finished / "transfer_vertices.safetensors")
+    # a level alone cuts nothing
+    run(config(finished, vertex__level=2))
+    assert artifacts(finished, "score") == before["score"]
+    run(config(finished, vertex__subdivide=["floor"], vertex__level=2))
+    fine = vertices.read(finished / "transfer_vertices.safetensors")
+    floor = np.count_nonzero(coarse.part == coarse.parts.index("floor"))
+    assert len(fine.faces) == len(coarse.faces) + 15 * floor
+    run(config(finished, vertex__kind="unshadowed"))
+    plain = vertices.read(finished / "transfer_vertices.safetensors")
+    np.testing.assert_array_equal(plain.transfer, sh.cosine_lobe(plain.normals, 3))
+    assert {stage: artifacts(finished, stage) for stage in stages} == {stage: before[stage] for stage in stages}
+    assert len(artifacts(finished, "vertex")) == len(before["vertex"]) + 2
+    assert len(artifacts(finished, "score")) == len(before["score"]) + 2
     run(config(finished))
 
 
@@ -134,18 +162,22 @@ def killed(arguments: list[str], out: Path, ready: str) -> None:
     ("changes", "ready"),
     [
         ({"samples__count": 300_000, "transfer__directions": 1024}, "cache/training/*.shards/*.json"),
+        (
+            {"vertex__subdivide": ["floor"], "vertex__level": 6, "transfer__directions": 2816},
+            "cache/vertex/*.shards/*.json",
+        ),
         ({"train__steps": 3000, "train__checkpoint_seconds": 0.05}, "cache/net/*.checkpoint.safetensors"),
     ],
-    ids=["bake", "train"],
+    ids=["bake", "vertex", "train"],
 )
 def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path, changes, ready):
-    last = "bake" if "samples__count" in changes else "train"
+    last = "train" if "train__steps" in changes else "bake"
     interrupted, whole = tmp_path / "interrupted", tmp_path / "whole"
     arguments = overrides(interrupted, stages=f"[{last}]", **changes)
     killed(arguments, interrupted, ready)
     for out in (interrupted, whole):
         run(config(out, stages=[last], **changes))
-    stages = ["training", "areas", "texture"] + ["net"] * (last == "train")
+    stages = ["training", "areas", "texture", "vertex"] + ["net"] * (last == "train")
     for stage in stages:
         for name in artifacts(whole, stage):
             same = (store.file_digest(out / "cache" / stage / name) for out in (interrupted, whole))

@@ -1,4 +1,5 @@
 // Every pass over the mesh shares this text: the colour pass tests depth for equality, so positions must be identical.
+// A program that defines AT_VERTEX runs it here as well.
 uniform mat4 camera;
 in vec3 in_position;
 in vec3 in_normal;
@@ -19,4 +20,7 @@ void main() {
     albedo_uv = in_albedo_uv;
     factor = in_factor;
     gl_Position = camera * vec4(in_position, 1.0);
+#ifdef AT_VERTEX
+    AT_VERTEX;
+#endif
 }

@@ -24,7 +24,6 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 Image = Float[Array, "h w 3"]
 
-MATERIAL = "diffuse"
 SHOWN_VIEWS = 8  # kept for the contact sheet
 TIMED_FRAMES = 7
 
@@ -56,6 +55,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) 
         "net": trained.key,
         "shader": exported.shader,
         "light": coefficients.tolist(),
+        "material": asdict(job.material),
         "render": asdict(job.config.render),
         "camera": job.config.scene.camera,
     }
@@ -79,7 +79,7 @@ def _views(job: Job, drawing: raster.Raster, coefficients: Array) -> list[View]:
         baked = _traced_view(job, title, eye, gbuffer, announce=0 if index else len(path))
         covered = np.zeros(gbuffer.size * gbuffer.size, bool)
         covered[gbuffer.pixel] = True
-        reference = gbuffers.shade(gbuffer, baked, coefficients)
+        reference = gbuffers.shade(gbuffer, baked, coefficients, job.material)
         views.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), reference))
     return views
 
@@ -103,8 +103,10 @@ def _draw_and_score(
     coefficients: Array,
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     methods = {
-        "texture": raster.TextureMethod(drawing, baked.texture.image, half=job.config.atlas.half),
-        "net": raster.NetMethod(drawing, exported.shader),
+        "texture": raster.TextureMethod(
+            drawing, baked.texture.image, half=job.config.atlas.half, material=job.material
+        ),
+        "net": raster.NetMethod(drawing, exported.shader, material=job.material),
     }
     frames: dict[str, list[Image]] = {"traced": [view.reference for view in views]}
     with console.progress("draw", len(views) * len(methods), "frames") as reach:
@@ -148,7 +150,7 @@ def _times(methods: Mapping[str, Any], eye: Camera, coefficients: Array) -> dict
 
 def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     count = sh.count(job.config.transfer.bands)
-    dot = score.diffuse_macs(count)
+    dot = score.diffuse_macs(count) + job.material.gloss_macs(job.config.transfer.bands)
     costs = {
         "texture": {
             "macs": score.fetch_macs(count, "bilinear") + dot,
@@ -171,7 +173,7 @@ def _costs(job: Job, baked: Baked, trained: Trained, times: Mapping[str, float])
 def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
     baked = _traced_view(job, "traced view 1 again", view.camera, view.gbuffer, repeat=1)
-    again = gbuffers.shade(view.gbuffer, baked, coefficients)
+    again = gbuffers.shade(view.gbuffer, baked, coefficients, job.material)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
     return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
 
@@ -181,7 +183,7 @@ def _row(job: Job, metrics: score.Metrics, method: str, reference: str, costs: M
         metrics,
         scene=job.scene.name,
         method=method,
-        material=MATERIAL,
+        material=job.material.name,
         light=job.light_name,
         reference=reference,
         **costs,

@@ -1,26 +1,33 @@
 """Speed of the parts, each beside its plain form in the same run.
 
     python experiments/bench.py tracer [--points 1000000]
+    python experiments/bench.py gloss [--sizes 256 1024]
 
-prints a table and writes experiments/results/bench_tracer.csv.
+prints a table and writes experiments/results/bench_NAME.csv.
 """
 
 import argparse
 import csv
 import os
 import resource
+import shlex
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from prtnet.data import builtin, directions, samples, transfer
+from prtnet.data import atlas, builtin, directions, light, samples, transfer
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer, rays
+from prtnet.render import camera
+from prtnet.render.material import PRODUCTS, Material
+from prtnet.render.raster import Raster, TextureMethod
 
 RESULTS = Path(__file__).resolve().parent / "results"
 DIRECTIONS, BANDS = 512, 5
+FRAMES = 21
 Row = dict[str, str | float]
 
 
@@ -109,21 +116,55 @@ def _peak_memory() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-BENCHES = {"tracer": tracer}
+def gloss(sizes: list[int]) -> list[Row]:
+    """Frames of the transfer texture with gloss, fixed light and full, as ratios to its diffuse frame, in turns."""
+    # cornell has hardly a triangle: its frames are nothing but fragments
+    scenes = [builtin.make(name).centred() for name in ("tea_set", "room", "cornell")]
+    return [row for scene in scenes for size in sizes for row in _gloss_rows(scene, size)]
+
+
+def _gloss_rows(scene: Scene, size: int) -> list[Row]:
+    drawing = Raster(atlas.make(scene, size=512), size)
+    image = np.random.default_rng(0).normal(size=(512, 512, BANDS**2)).astype(np.float32)
+    eye, sun = camera.path(scene, Tracer(scene), 8)[0], light.project(light.sky(), BANDS)
+    common = {"scene": f"{scene.name}, {size}^2", "triangles": len(scene.faces)}
+    rows: list[Row] = [
+        {**common, "what": "covered share of the frame", "value": drawing.gbuffer(eye).pixel.size / size**2}
+    ]
+    methods = {}
+    for name, shading in (("diffuse", Material()), *((p, Material(0.5, (0.5, 0.5, 0.5), 20.0, p)) for p in PRODUCTS)):
+        started = time.perf_counter()
+        methods[name] = TextureMethod(drawing, image, material=shading)
+        methods[name].draw(eye, sun)
+        rows.append({**common, "what": f"{name}: compile and first frame, s", "value": time.perf_counter() - started})
+    taken: dict[str, list[float]] = {name: [] for name in methods}
+    for _ in range(FRAMES):
+        for name, method in methods.items():
+            taken[name].append(method.milliseconds(eye, sun, repeats=1))
+    for name, values in taken.items():
+        rows.append({**common, "what": f"{name}: ms per frame", "value": float(np.median(values))})
+    for product in PRODUCTS:
+        ratios = np.array(taken[product]) / taken["diffuse"]
+        rows.append({**common, "what": f"{product} / diffuse", "value": float(np.median(ratios))})
+    return rows
+
+
+BENCHES = {"tracer": lambda chosen: tracer(chosen.points), "gloss": lambda chosen: gloss(chosen.sizes)}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bench", choices=BENCHES)
     parser.add_argument("--points", type=int, default=1_000_000)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[256, 1024], help="pixels along one side of a frame")
     chosen = parser.parse_args()
-    rows = BENCHES[chosen.bench](chosen.points)
+    rows = BENCHES[chosen.bench](chosen)
     for row in rows:
         print(f"{row['scene']:28} {row['what']:48} {row['value']:12.3f}")
     RESULTS.mkdir(parents=True, exist_ok=True)
     load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the end"
     with (RESULTS / f"bench_{chosen.bench}.csv").open("w", newline="") as file:
-        file.write(f"# python experiments/bench.py {chosen.bench} --points {chosen.points}; {load}\n")
+        file.write(f"# python experiments/bench.py {shlex.join(sys.argv[1:])}; {load}\n")
         writer = csv.DictWriter(file, ["scene", "triangles", "what", "value"])
         writer.writeheader()
         writer.writerows(rows)

@@ -31,6 +31,14 @@ class LightOptions:
 
 
 @dataclass
+class MaterialOptions:
+    diffuse: float = 1.0  # weight of the diffuse part
+    specular: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # linear RGB weight of the Phong lobe
+    exponent: float = 20.0  # of the Phong lobe, above 0
+    product: str = "fixed_light"  # triple product with the light's matrix in the shader, or full: any light
+
+
+@dataclass
 class TransferOptions:
     bands: int = 5  # SH bands; 5 -> 25 coefficients, 4 -> 16
     directions: int = 512  # rays per point
@@ -71,6 +79,7 @@ class RenderOptions:
 class Config:
     scene: SceneOptions = field(default_factory=SceneOptions)
     light: LightOptions = field(default_factory=LightOptions)
+    material: MaterialOptions = field(default_factory=MaterialOptions)
     transfer: TransferOptions = field(default_factory=TransferOptions)
     samples: SamplesOptions = field(default_factory=SamplesOptions)
     atlas: AtlasOptions = field(default_factory=AtlasOptions)

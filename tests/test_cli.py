@@ -28,6 +28,8 @@ def test_help_and_configuration_are_shown():
         ("model.width=wide", ["model.width", "wide"]),
         ("scene=plnts", ["plnts", "plants"]),
         ("train=defualt", ["defualt", "default"]),
+        ("material=shiny", ["shiny", "glossy", "diffuse"]),
+        ("material.specular=red", ["material.specular", "red"]),
     ],
 )
 def test_wrong_keys_and_types_are_refused_by_name(argument, words):
@@ -49,6 +51,10 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
         ("vertex.kind=shady", ["vertex.kind", "shady", "unshadowed, shadowed"]),
         ("vertex.subdivide=[flor]", ["vertex.subdivide", "flor", "floor"]),
         ("train.loss=l3", ["train.loss", "l3"]),
+        ("material.exponent=0", ["material.exponent", "0", "above 0"]),
+        ("material.specular=[0.5,0.5]", ["material.specular", "[0.5, 0.5]", "3"]),
+        ("material.product=triple", ["material.product", "triple", "fixed_light, full"]),
+        ("material.diffuse=-1", ["material.diffuse", "-1"]),
     ],
 )
 def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
@@ -58,6 +64,13 @@ def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
     assert message.startswith("prtnet: ")
     assert all(word in message for word in words)
     assert "Traceback" not in done.stderr
+
+
+def test_gloss_in_more_bands_than_a_shader_holds_is_refused_before_any_work(tmp_path):
+    done = prtnet(*overrides(tmp_path, transfer__bands=9), "material=glossy")
+    assert done.returncode == 2
+    assert "transfer.bands: found 9, expected at most 8" in done.stderr
+    assert not (tmp_path / "cache").exists()
 
 
 def test_a_sweep_gives_each_point_a_folder_and_shares_the_bake(tmp_path):

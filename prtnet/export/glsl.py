@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from prtnet import PrtnetError, netspec, sh
+from prtnet.export.spelling import grouped, number, quads, vector, zonal_harmonics
 from prtnet.netspec import NetSpec
 
 VERSIONS = ("330", "430", "300 es")
@@ -88,16 +89,12 @@ def validate(source: str) -> str | None:
 
 def vectors(net: NetSpec) -> int:
     """Number of vec4 outputs of `prt_transfer`."""
-    return _quads(sh.count(net.bands))
+    return quads(sh.count(net.bands))
 
 
 def padded_macs(net: NetSpec) -> int:
     """Multiply-adds of the layers with every size rounded up to a multiple of 4, as the mat4 form computes them."""
-    return sum(16 * _quads(weight.shape[0]) * _quads(weight.shape[1]) for weight in net.weights)
-
-
-def _quads(size: int) -> int:
-    return (size + 3) // 4
+    return sum(16 * quads(weight.shape[0]) * quads(weight.shape[1]) for weight in net.weights)
 
 
 def _check(net: NetSpec, version: str, storage: str) -> None:
@@ -158,7 +155,7 @@ def _body(net: NetSpec) -> Iterator[str]:
     names: list[str] = []
     for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
         yield from _encoding(letter, frequencies, names)
-    for i, group in enumerate(_grouped(names)):
+    for i, group in enumerate(grouped(names)):
         yield f"vec4 x0_{i} = {group};"
     for layer in range(len(net.weights)):
         yield from _layer(net, layer)
@@ -167,8 +164,8 @@ def _body(net: NetSpec) -> Iterator[str]:
         result = [f"{number(net.output_scale)} * {name}" for name in result]
     if net.residual:
         lobe: list[str] = []
-        yield from _cosine_lobe(net.bands, lobe)
-        result = [f"{name} + {group}" for name, group in zip(result, _grouped(lobe), strict=True)]
+        yield from zonal_harmonics("normal", sh.cosine_zonal(net.bands), lobe)
+        result = [f"{name} + {group}" for name, group in zip(result, grouped(lobe), strict=True)]
     for i, expression in enumerate(result):
         yield f"t{i} = {expression};"
 
@@ -184,23 +181,18 @@ def _encoding(vector: str, frequencies: int, names: list[str]) -> Iterator[str]:
         names += [f"{turns}{function}.{axis}" for function in "sc" for axis in "xyz"]
 
 
-def _grouped(names: list[str]) -> list[str]:
-    padded = names + ["0.0"] * (-len(names) % 4)
-    return [f"vec4({', '.join(padded[i : i + 4])})" for i in range(0, len(padded), 4)]
-
-
 def _layer(net: NetSpec, layer: int) -> Iterator[str]:
     weight, bias = net.weights[layer], net.biases[layer]
-    rows, columns = _quads(weight.shape[0]), _quads(weight.shape[1])
+    rows, columns = quads(weight.shape[0]), quads(weight.shape[1])
     padded = np.zeros((4 * rows, 4 * columns), np.float32)
     padded[: weight.shape[0], : weight.shape[1]] = weight
     shift = np.zeros(4 * rows, np.float32)
     shift[: len(bias)] = bias
     for row in range(rows):
-        terms = [_vector("vec4", shift[4 * row : 4 * row + 4])]
+        terms = [vector("vec4", shift[4 * row : 4 * row + 4])]
         for column in range(columns):
             block = padded[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
-            terms += [f"{_vector('mat4', block.T.ravel())} * x{layer}_{column}"]
+            terms += [f"{vector('mat4', block.T.ravel())} * x{layer}_{column}"]
         yield f"vec4 x{layer + 1}_{row} = {_bent(net, layer, ' + '.join(terms))};"
 
 
@@ -208,43 +200,3 @@ def _bent(net: NetSpec, layer: int, expression: str) -> str:
     if layer < len(net.weights) - 1:
         return f"prt_bend({expression})"
     return f"tanh({expression})" if net.output == "tanh" else expression
-
-
-def _vector(kind: str, values: np.ndarray) -> str:
-    return f"{kind}({', '.join(number(value) for value in values)})"
-
-
-def number(value: float | np.floating) -> str:
-    """A GLSL float literal that reads back as the same float32. Denormals, which GLSL may flush, become 0."""
-    text = f"{float(value):.9g}" if abs(value) >= np.finfo(np.float32).tiny else "0"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
-
-
-def _cosine_lobe(bands: int, names: list[str]) -> Iterator[str]:
-    """A_l Y_i(normal), by the recurrences of `sh.evaluate` with all constants folded into literals."""
-    zonal = sh.cosine_zonal(bands)
-    terms: dict[int, str] = {}
-    diagonal = math.sqrt(1 / (4 * math.pi))
-    for m in range(bands):
-        if m > 0:
-            before = (f"ac{m - 1}", f"as{m - 1}") if m > 1 else ("1.0", "0.0")
-            yield f"float ac{m} = normal.x * {before[0]} - normal.y * {before[1]};"
-            yield f"float as{m} = normal.x * {before[1]} + normal.y * {before[0]};"
-            diagonal *= math.sqrt((2 * m + 1) / (2 * m))
-        for l in range(m, bands):
-            yield f"float q{l}_{m} = {_legendre(l, m, diagonal * (math.sqrt(2) if m else 1))};"
-            scaled = f"{number(zonal[l])} * q{l}_{m}"
-            terms[l * l + l + m] = f"{scaled} * ac{m}" if m else scaled
-            terms[l * l + l - m] = f"{scaled} * as{m}" if m else scaled
-    names += [terms[i] if abs(zonal[math.isqrt(i)]) > 1e-12 else "0.0" for i in range(len(terms))]
-
-
-def _legendre(l: int, m: int, diagonal: float) -> str:
-    if l == m:
-        return number(diagonal)
-    ahead = math.sqrt((4 * l * l - 1) / (l * l - m * m))
-    first = f"{number(ahead)} * normal.z * q{l - 1}_{m}"
-    if l == m + 1:
-        return first
-    behind = ahead * math.sqrt(((l - 1) ** 2 - m * m) / (4 * (l - 1) ** 2 - 1))
-    return f"{first} - {number(behind)} * q{l - 2}_{m}"

@@ -15,7 +15,9 @@ from prtnet.config import STAGES, Config
 from prtnet.data import builtin, directions, light, scene, vertex
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
+from prtnet.export import gloss
 from prtnet.models import recipe
+from prtnet.render.material import Material
 from prtnet.store import Store, write_text
 
 log = logging.getLogger(__name__)
@@ -44,6 +46,10 @@ class Job:
     @cached_property
     def tracer(self) -> Tracer:
         return Tracer(self.scene, kind=self.config.transfer.tracer)
+
+    @property
+    def material(self) -> Material:
+        return _material(self.config)
 
     @property
     def light_name(self) -> str:
@@ -77,6 +83,14 @@ def _load(config: Config) -> Scene:
     return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
 
 
+def _material(config: Config) -> Material:
+    options = config.material
+    made = Material(options.diffuse, tuple(options.specular), options.exponent, options.product)
+    if made.glossy:
+        gloss.check(config.transfer.bands)
+    return made
+
+
 def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
@@ -84,6 +98,7 @@ def _check(config: Config) -> None:
     if config.light.path is None and config.light.name != "sky":
         raise PrtnetError(f"light.name: found {config.light.name!r}, expected sky, or a file as light.path")
     recipe.check(config.train)
+    _material(config)
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")

@@ -91,6 +91,7 @@ def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],
         "light": job.light_name,
+        "material": job.material.words(),
         "exposure": scored.facts["exposure"],
         "frame covered": f"{scored.facts['covered']:.0%}",
         "rays per pixel of the reference": render.traced_directions,

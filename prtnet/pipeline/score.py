@@ -24,7 +24,6 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 Image = Float[Array, "h w 3"]
 
-MATERIAL = "diffuse"
 SHOWN_VIEWS = 8  # kept for the contact sheet
 TIMED_FRAMES = 7
 
@@ -57,6 +56,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) 
         "net": trained.key,
         "shader": exported.shader,
         "light": coefficients.tolist(),
+        "material": asdict(job.material),
         "render": asdict(job.config.render),
         "camera": job.config.scene.camera,
     }
@@ -80,7 +80,7 @@ def _views(job: Job, drawing: raster.Raster, coefficients: Array) -> list[View]:
         baked = _traced_view(job, title, eye, gbuffer, announce=0 if index else len(path))
         covered = np.zeros(gbuffer.size * gbuffer.size, bool)
         covered[gbuffer.pixel] = True
-        reference = gbuffers.shade(gbuffer, baked, coefficients)
+        reference = gbuffers.shade(gbuffer, baked, coefficients, job.material)
         views.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), reference))
     return views
 
@@ -103,14 +103,10 @@ def _draw_and_score(
     views: list[View],
     coefficients: Array,
 ) -> tuple[dict[str, Array], dict[str, Any]]:
-    drawn = vertex.VertexMethod(baked.mesh.mesh, baked.mesh.transfer, job.config.render.size)
-    # a cut edge is rounded anew: a pixel of an outline may be the other meshes' alone
-    views = [replace(view, covered=view.covered & drawn.covers(view.camera)) for view in views]
-    methods = {
-        "texture": raster.TextureMethod(drawing, baked.texture.image, half=job.config.atlas.half),
-        "vertex": drawn,
-        "net": raster.NetMethod(drawing, exported.shader),
-    }
+    methods = _methods(job, baked, exported, drawing)
+    if isinstance(drawn := methods.get("vertex"), vertex.VertexMethod):
+        # a cut edge is rounded anew: a pixel of an outline may be the other meshes' alone
+        views = [replace(view, covered=view.covered & drawn.covers(view.camera)) for view in views]
     frames: dict[str, list[Image]] = {"traced": [view.reference for view in views]}
     with console.progress("draw", len(views) * len(methods), "frames") as reach:
         for number, (name, method) in enumerate(methods.items()):
@@ -123,7 +119,7 @@ def _draw_and_score(
     times = _times(methods, views[0].camera, coefficients)
     costs = _costs(job, baked, trained, times, float(np.mean([mask.sum() for mask in covered])))
     rows = []
-    for method, reference in (("texture", "traced"), ("vertex", "traced"), ("net", "traced"), ("net", "texture")):
+    for method, reference in [*((name, "traced") for name in methods), ("net", "texture")]:
         metrics = score.score_views(frames[method], frames[reference], covered, exposure)
         rows.append(_row(job, metrics, method, reference, costs[method]))
     rows.append(_noise_floor(job, views[0], coefficients, exposure))
@@ -142,6 +138,17 @@ def _draw_and_score(
     return kept, facts
 
 
+def _methods(job: Job, baked: Baked, exported: Exported, drawing: raster.Raster) -> dict[str, raster.Shaded]:
+    """What is drawn and scored; vertices only where the material is diffuse."""
+    half, material = job.config.atlas.half, job.material
+    methods: dict[str, raster.Shaded] = {
+        "texture": raster.TextureMethod(drawing, baked.texture.image, half=half, material=material)
+    }
+    if not material.glossy:
+        methods["vertex"] = vertex.VertexMethod(baked.mesh.mesh, baked.mesh.transfer, job.config.render.size)
+    return methods | {"net": raster.NetMethod(drawing, exported.shader, material=material)}
+
+
 def _times(methods: Mapping[str, Any], eye: Camera, coefficients: Array) -> dict[str, float]:
     """Median milliseconds per frame, the methods in turns so that a busy machine slows both alike."""
     taken: dict[str, list[float]] = {name: [] for name in methods}
@@ -156,7 +163,7 @@ def _costs(
 ) -> dict[str, dict[str, Any]]:
     """What each method takes; `pixels` are those that a frame covers."""
     count = sh.count(job.config.transfer.bands)
-    dot = score.diffuse_macs(count)
+    dot = score.diffuse_macs(count) + job.material.gloss_macs(job.config.transfer.bands)
     costs = {
         "texture": {
             "macs": score.fetch_macs(count, "bilinear") + dot,
@@ -177,15 +184,13 @@ def _costs(
             "train_seconds": trained.facts["cpu_seconds"],
         },
     }
-    for name, values in costs.items():
-        values |= {"ms": times[name], "ms_ratio": times[name] / times["texture"]}
-    return costs
+    return {name: costs[name] | {"ms": ms, "ms_ratio": ms / times["texture"]} for name, ms in times.items()}
 
 
 def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
     baked = _traced_view(job, "traced view 1 again", view.camera, view.gbuffer, repeat=1)
-    again = gbuffers.shade(view.gbuffer, baked, coefficients)
+    again = gbuffers.shade(view.gbuffer, baked, coefficients, job.material)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
     return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
 
@@ -195,7 +200,7 @@ def _row(job: Job, metrics: score.Metrics, method: str, reference: str, costs: M
         metrics,
         scene=job.scene.name,
         method=method,
-        material=MATERIAL,
+        material=job.material.name,
         light=job.light_name,
         reference=reference,
         **costs,

@@ -1,13 +1,14 @@
 """What each pixel shows: surface point, normals, albedo; and shading from transfer known per pixel."""
 
 from dataclasses import dataclass
-from math import pi
 
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
 from prtnet.data.samples import at_barycentric
 from prtnet.data.scene import Scene
+from prtnet.render.camera import Point
+from prtnet.render.material import DIFFUSE, Material, radiance
 
 Array = np.ndarray
 
@@ -29,9 +30,13 @@ class GBuffer:
     # row * size + column, row 0 on top, ascending
     pixel: Int[Array, " n"]
     size: int
+    # in unit coordinates
+    eye: Point
 
 
-def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float32[Array, "h w 3"]) -> GBuffer:
+def from_faces(
+    unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float32[Array, "h w 3"], eye: Point
+) -> GBuffer:
     """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces."""
     pixel, face, weights = barycentric(faces)
     points = at_barycentric(unit_scene, face, weights)
@@ -43,6 +48,7 @@ def from_faces(unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float3
         face=points.face,
         pixel=pixel,
         size=len(faces),
+        eye=eye,
     )
 
 
@@ -57,8 +63,11 @@ def barycentric(faces: Float32[Array, "h w 4"]) -> tuple[Int[Array, " n"], Int[A
     return pixel, face, weights / weights.sum(axis=1, keepdims=True)
 
 
-def shade(gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"]) -> Float32[Array, "size size 3"]:
-    """albedo / pi * sum t_i L_i at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods."""
+def shade(
+    gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"], material: Material = DIFFUSE
+) -> Float32[Array, "size size 3"]:
+    """Radiance towards the eye at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods."""
     image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
-    image[gbuffer.pixel] = gbuffer.albedo / pi * (transfer @ light)
+    towards = np.asarray(gbuffer.eye) - gbuffer.positions.astype(np.float64)
+    image[gbuffer.pixel] = radiance(material, gbuffer.albedo, transfer, light, gbuffer.normals, towards)
     return image.reshape(gbuffer.size, gbuffer.size, 3)

@@ -5,6 +5,8 @@ vertex attributes end at 16 vec4, and OpenGL promises buffer textures of 65 536 
 drivers far more.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
@@ -12,31 +14,38 @@ from prtnet import PrtnetError, gl
 from prtnet.data import vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.scene import Scene
+from prtnet.export.spelling import number
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import barycentric, from_faces, shade
-from prtnet.render.raster import Diffuse, Raster
+from prtnet.render.material import DIFFUSE
+from prtnet.render.raster import Raster, Shaded
 
 Array = np.ndarray
 
 
-class VertexMethod(Diffuse):
-    """Transfer at the vertices of a drawn mesh (`data.vertex.mesh`), which may be finer than what others draw."""
+class VertexMethod(Shaded):
+    """Transfer at the vertices of a drawn mesh (`data.vertex.mesh`), which may be finer than what others draw.
+
+    Diffuse only: a lobe is narrower than a triangle.
+    """
 
     def __init__(self, drawn: Scene, transfer: Float[Array, "v k"], size: int):
         count, channels = transfer.shape
-        layers = gl.layer_count(channels)
+        self.layers = gl.layer_count(channels)
+        self.material, self._per_light, self._light = DIFFUSE, False, None
         self.raster = Raster(Atlas(drawn, np.zeros((count, 2), np.float32), "none", float("nan")), size)
         self.coefficients = range(channels, channels + 1)
         image = pack(transfer, gl.context().info["GL_MAX_TEXTURE_SIZE"])
         self.program = self.raster.program(
-            "in vec3 lit;\n" + gl.shader("albedo.glsl") + gl.shader("diffuse.frag.glsl"),
+            "in vec3 lit;\n" + gl.shader("albedo.glsl") + gl.shader("shading.frag.glsl"),
             gl.shader("vertex_light.glsl"),
             AT_VERTEX="lit = light_of_vertex()",
-            LAYERS=layers,
-            PER_ROW=image.shape[1] // layers,
+            LAYERS=self.layers,
+            PER_ROW=image.shape[1] // self.layers,
             DECLARE="",
             TRANSFER="",
             SUM="lit",
+            DIFFUSE=number(1 / math.pi),
         )
         self.draws = self.raster.draws(self.program)
         self.texture = gl.upload(image)
@@ -75,5 +84,5 @@ def shade_vertices(
     """The plain twin of VertexMethod: transfer interpolated at each pixel of the mesh that `raster` draws."""
     faces = raster.faces(camera)
     _, face, weights = barycentric(faces)
-    gbuffer = from_faces(raster.scene, faces, raster.albedo(camera))
+    gbuffer = from_faces(raster.scene, faces, raster.albedo(camera), camera.eye)
     return shade(gbuffer, vertex.interpolate(transfer, raster.scene, face, weights), light)

@@ -14,7 +14,7 @@ import trimesh
 
 from prtnet import netspec, score, sh, store
 from prtnet.config import Config
-from prtnet.export import vertices
+from prtnet.export import gloss, vertices
 from prtnet.pipeline import run
 from tests.small import SETTINGS, overrides
 
@@ -72,6 +72,26 @@ def test_rows_say_what_was_compared(finished):
     assert (by_method["vertex"].bake_seconds or 0) > 0
     assert all(row.psnr is not None and row.psnr > 10 for row in rows)
     assert versions["torch"]
+
+
+@pytest.mark.parametrize(("product", "macs"), [("fixed_light", 81 + 3 * 45), ("full", None)])
+def test_gloss_is_scored_from_the_same_bake(finished, product, macs):
+    """The rows are of the material; net and texture differ from `traced` no more than their transfer does."""
+    before = artifacts(finished, "net") | artifacts(finished, "texture") | artifacts(finished, "traced")
+    out = finished / f"glossy_{product}"
+    glossy = {"diffuse": 0.5, "specular": [0.5, 0.25, 0.5], "exponent": 12.0, "product": product}
+    changes = {f"material__{key}": value for key, value in glossy.items()}
+    run(config(out, cache=str(finished / "cache"), **changes))
+    rows, _ = score.read(out / "score.json")
+    assert {row.material for row in rows} == {"glossy"}
+    assert {row.material for row in score.read(finished / "score.json")[0]} == {"diffuse"}
+    by_method = {row.method: row for row in rows if row.reference == "traced"}
+    added = (by_method["texture"].macs or 0) - score.fetch_macs(9, "bilinear") - score.diffuse_macs(9)
+    assert added == (macs or gloss.macs(3, "full"))
+    assert all(row.psnr is not None and row.psnr > 10 for row in rows)
+    assert "specular 0.5, 0.25, 0.5, exponent 12" in (out / "card.md").read_text()
+    # nothing is traced or trained again for another material
+    assert artifacts(finished, "net") | artifacts(finished, "texture") | artifacts(finished, "traced") == before
 
 
 def test_the_shader_error_is_on_record(finished):

@@ -1,0 +1,8 @@
+// What a fragment knows of its surface, and the light: column j of light[l] is the RGB coefficient 4 l + j.
+uniform mat4x3 light[LAYERS];
+uniform vec3 eye;
+in vec3 position;
+in vec3 normal;
+
+vec3 mirrored() { return reflect(normalize(position - eye), normalize(normal)); }
+

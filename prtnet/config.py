@@ -8,6 +8,7 @@ from typing import Any
 
 from hydra.core.config_store import ConfigStore
 
+from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
 STAGES = ("bake", "train", "export", "score")
@@ -25,9 +26,15 @@ class SceneOptions:
 
 
 @dataclass
-class LightOptions:
-    name: str = "sky"
-    path: str | None = None  # a lat-long EXR or HDR image, linear radiance
+class LightOptions(AnalyticOptions):
+    name: str = "sky"  # by formula: sky, constant, gradient, sun, directional, green, each with its own keys
+    path: str | None = None  # or a probe, EXR or HDR, linear radiance; or a folder of cube faces px nx py ny pz nz
+    mapping: str = (
+        "auto"  # of the probe: lat_long, angular, cross, faces; auto = by shape: 2:1, 1:1, 4:3 or 3:4, folder
+    )
+    rotation: float = 0.0  # degrees about y, from +z towards +x: counter-clockwise seen from above
+    window: str = "none"  # against ringing: hann, lanczos
+    window_size: float | None = None  # bands from which on the window is 0; transfer.bands when left out
 
 
 @dataclass

@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike
 
 from prtnet import PrtnetError
 
+WINDOWS = ("none", "hann", "lanczos")
+
 Array = np.ndarray
 Values = np.ndarray | np.floating | float  # one direction alone gives scalars
 
@@ -116,6 +118,23 @@ def phong_lobe(exponent: float, bands: int) -> Float[Array, " bands"]:
     for l in range(2, bands):
         lobe[l] = lobe[l - 2] * (exponent - l + 2) / (exponent + l + 1)
     return lobe[:bands]
+
+
+def window(kind: str, size: float, bands: int) -> Float[Array, " bands"]:
+    """Factor of each band that damps ringing: hann (1 + cos(pi l / w)) / 2, lanczos sin(pi l / w) / (pi l / w), none 1.
+
+    Sloan 2008, *Stupid Spherical Harmonics (SH) Tricks*, section "Windowing"; from band w = `size` on they are 0.
+    """
+    if kind not in WINDOWS:
+        raise PrtnetError(f"window: found {kind!r}, expected one of {', '.join(WINDOWS)}")
+    if not 0 < size < np.inf:
+        raise PrtnetError(f"window size: found {size} bands, expected more than 0")
+    if kind == "none":
+        return np.ones(bands)
+    share = np.arange(bands) / size
+    # numpy's sinc has the pi in it
+    factors = np.sinc(share) if kind == "lanczos" else (1 + np.cos(pi * share)) / 2
+    return np.where(share < 1, factors, 0)
 
 
 def rotate(coefficients: Float[Array, "*b k c"], rotation: ArrayLike) -> Float[Array, "*b k c"]:

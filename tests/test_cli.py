@@ -47,6 +47,9 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
         ("stages=[bke]", ["bke", "bake, train, export, score"]),
         ("render.size=0", ["render.size", "0"]),
         ("light.path=absent.exr", ["absent.exr"]),
+        ("light.name=moon", ["light.name", "moon", "sky, constant"]),
+        ("light.window=hamming", ["light.window", "hamming"]),
+        ("light.sun.radius=-1 light.name=sun", ["light.sun.radius", "-1"]),
         ("transfer.kind=spiral", ["spiral", "cosine_fibonacci"]),
         ("vertex.kind=shady", ["vertex.kind", "shady", "unshadowed, shadowed"]),
         ("vertex.subdivide=[flor]", ["vertex.subdivide", "flor", "floor"]),
@@ -58,7 +61,7 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
     ],
 )
 def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
-    done = prtnet(*overrides(tmp_path), argument)
+    done = prtnet(*overrides(tmp_path), *argument.split())
     assert done.returncode == 2, done.stderr
     message = done.stderr.strip().splitlines()[-1]
     assert message.startswith("prtnet: ")

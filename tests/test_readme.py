@@ -36,6 +36,10 @@ def stand_ins(folder: Path) -> None:
     box.export(folder / "folder_of_parts" / "box.obj")
     image = oiio.ImageBuf(np.ones((8, 16, 3), np.float32))
     assert image.write(str(folder / "studio.hdr")), image.geterror()
+    (folder / "six_faces").mkdir()
+    for name in ("px", "nx", "py", "ny", "pz", "nz"):
+        image = oiio.ImageBuf(np.ones((8, 8, 3), np.float32))
+        assert image.write(str(folder / "six_faces" / f"{name}.hdr")), image.geterror()
 
 
 def small(command: str) -> list[str]:

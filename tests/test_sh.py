@@ -88,6 +88,23 @@ def test_phong_lobe_equals_quadrature(exponent, l):
     assert sh.phong_lobe(exponent, 6)[l] == pytest.approx(integral, abs=1e-10)
 
 
+def test_windows_are_their_formulas():
+    """Sloan 2008: hann (1 + cos(pi l / w)) / 2, lanczos sin(pi l / w) / (pi l / w), 0 from w on."""
+    np.testing.assert_array_equal(sh.window("none", 1, 4), np.ones(4))
+    np.testing.assert_allclose(sh.window("hann", 4, 6), [1, 0.5 + 8**-0.5, 0.5, 0.5 - 8**-0.5, 0, 0], atol=1e-12)
+    expected = [1, np.sqrt(8) / np.pi, 2 / np.pi, np.sqrt(8) / (3 * np.pi), 0, 0]
+    np.testing.assert_allclose(sh.window("lanczos", 4, 6), expected, atol=1e-12)
+    np.testing.assert_allclose(sh.window("hann", 2.5, 4)[2:], [(1 + np.cos(0.8 * np.pi)) / 2, 0], atol=1e-12)
+    for kind in sh.WINDOWS:
+        assert sh.window(kind, 3, 1) == [1]  # the mean stays
+
+
+@pytest.mark.parametrize(("kind", "size"), [("hamming", 3), ("hann", 0), ("lanczos", -1), ("none", np.inf)])
+def test_windows_that_mean_nothing_are_refused(kind, size):
+    with pytest.raises(PrtnetError, match=r"window.*expected"):
+        sh.window(kind, size, 4)
+
+
 @given(st.integers(0, 10**6), st.integers(1, 6))
 def test_rotate_turns_the_function(seed, bands):
     turn = rotation(seed)

@@ -1,126 +1,121 @@
-"""Distant light: lat-long images of linear radiance, and their SH projection L_i = integral of L Y_i dw.
+"""Distant light: SH coefficients L_i = integral of L Y_i dw for shading, and a lat-long image where there is one.
 
-A lat-long image has u = 1/2 + atan2(x, -z) / 2pi and v = 0 at +y, with texel centres at half-integers: its centre
-looks down -z, +x is at u = 3/4, and row 0 is the top.
+`from_file` reads probes of any mapping (`prtnet.data.probe`), `by_name` makes lights by formula
+(`prtnet.data.analytic_light`). A lat-long image has u = 1/2 + atan2(x, -z) / 2pi and v = 0 at +y, with texel centres
+at half-integers: its centre looks down -z, +x is at u = 3/4, and row 0 is the top.
 """
 
-import logging
-from collections.abc import Sequence
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64
 
 from prtnet import PrtnetError, sh
+from prtnet.data import analytic_light, probe
+from prtnet.data.analytic_light import AnalyticOptions, sky
+from prtnet.data.mapping import lat_long_directions as directions
+from prtnet.data.mapping import lat_long_solid_angles as solid_angles
+from prtnet.data.probe import Probe
 
-log = logging.getLogger(__name__)
+__all__ = ["Light", "by_name", "directions", "from_file", "load", "project", "sky", "solid_angles", "turn"]
 
-# directions of `project` per step: a few MB of basis values at a time
-STEP = 1 << 14
-
-
-def load(path: str | Path) -> Float32[np.ndarray, "h w 3"]:
-    """A lat-long radiance image, EXR, HDR or any that OpenImageIO reads; linear RGB. Grey becomes RGB; alpha goes.
-
-    Negative, NaN and infinite values become 0, with their count in the log. Raises PrtnetError when the file is
-    missing or unreadable, is not twice as wide as high, or holds no light.
-    """
-    import OpenImageIO as oiio
-
-    path = Path(path)
-    if not path.is_file():
-        raise PrtnetError(f"light: {path} is not a file; expected a lat-long EXR or HDR image")
-    image = oiio.ImageBuf(str(path))
-    pixels = image.get_pixels(oiio.FLOAT) if image.read() else None
-    if pixels is None:
-        raise PrtnetError(f"light: {path} cannot be read: {image.geterror().strip() or 'no pixels'}")
-    pixels = np.asarray(pixels, np.float32)
-    if pixels.ndim != 3 or pixels.shape[1] != 2 * pixels.shape[0]:
-        found = " x ".join(map(str, pixels.shape[1::-1]))
-        raise PrtnetError(f"light: {path} is {found} pixels; expected a lat-long image, twice as wide as high")
-    channels = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    return clean(channels, str(path))
+Array = np.ndarray
+NAMES = tuple(field.name for field in fields(AnalyticOptions))
 
 
-def clean(radiance: Float[np.ndarray, "h w 3"], name: str) -> Float32[np.ndarray, "h w 3"]:
-    """Negative, NaN and infinite radiance becomes 0 and is counted in the log."""
-    infinite = ~np.isfinite(radiance)
-    negative = radiance < 0
-    if infinite.any() or negative.any():
-        lowest = float(radiance.min(where=~infinite, initial=0))
-        log.warning(
-            "light: %s: set to 0: %d negative values (lowest %.4g) and %d NaN or infinite ones of %d",
-            name, int(negative.sum()), lowest, int(infinite.sum()), radiance.size,
-        )  # fmt: skip
-    cleaned = np.where(infinite | negative, 0, radiance).astype(np.float32)
-    if not cleaned.any():
-        raise PrtnetError(f"light: {name} holds no light at all: every value is 0, negative, NaN or infinite")
-    return cleaned
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light and what is done to it. `image` is turned as the light is; windows are of the coefficients alone."""
+
+    name: str  # in tables, with what is not default
+    unturned: Callable[[int], Array]  # bands -> "k 3"
+    image: Float32[Array, "h w 3"] | None = None  # linear lat-long radiance; none where a light has no size in texels
+    rotation: float = 0.0  # degrees about +y, from +z towards +x
+    window: str = "none"  # against ringing: none, hann, lanczos
+    window_size: float | None = None  # bands; as many as there are where left out
+
+    def coefficients(self, bands: int) -> Float32[Array, "k 3"]:
+        """SH coefficients per colour: projected, turned, windowed."""
+        found = self.unturned(bands)
+        if self.rotation:
+            found = sh.rotate(found, about_y(self.rotation))
+        if self.window == "none":
+            return found
+        factors = sh.window(self.window, self.window_size or bands, bands)
+        return (found * factors[sh.band_index(bands)][:, None]).astype(np.float32)
 
 
-def directions(height: int, width: int) -> Float64[np.ndarray, "h w 3"]:
-    """World direction of each texel's centre."""
-    angle = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
-    elevation = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
-    level = np.cos(elevation)[:, None]
-    up = np.broadcast_to(np.sin(elevation)[:, None], (height, width))
-    return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], -1)
+def from_file(path: str | Path, kind: str = "auto") -> Light:
+    """A light probe of any mapping in `prtnet.data.probe`; raises PrtnetError as its `load`."""
+    read = probe.load(path, kind)
+    name = Path(path).resolve().name if Path(path).is_dir() else Path(path).stem
+    return Light(name, partial(probe.project, read), probe.to_lat_long(read))
 
 
-def solid_angles(height: int, width: int) -> Float64[np.ndarray, " h"]:
-    """Exact solid angle, in sr, of one texel of each row: a band between two latitudes, cut into `width`."""
-    edges = np.sin((0.5 - np.arange(height + 1) / height) * np.pi)
-    return -np.diff(edges) * 2 * np.pi / width
+def by_name(name: str, options: AnalyticOptions | None = None) -> Light:
+    """A light by formula: sky, constant, gradient, sun, directional or green. The sun and directional have no image."""
+    options = deepcopy(options) if options else AnalyticOptions()  # the light outlives what is done to them later
+    if name not in NAMES:
+        raise PrtnetError(f"light.name: found {name!r}, expected one of {', '.join(NAMES)}, or a file as light.path")
+    if name == "sky":
+        image = probe.clean(sky(**asdict(options.sky)), "light=sky")
+        return Light(name, partial(project, image), image)
+    if name == "directional":
+        found = Light(name, partial(analytic_light.directional, options.directional))
+    else:
+        lobes = analytic_light.lobes(name, options)
+        found = Light(name, partial(analytic_light.project, lobes))
+        if name != "sun":
+            towards = directions(analytic_light.HEIGHT, 2 * analytic_light.HEIGHT)
+            found = replace(found, image=analytic_light.radiance(lobes, towards).astype(np.float32))
+    if not found.unturned(1).any():
+        raise PrtnetError(f"light: {name} holds no light at all: its colours are 0")
+    return found
 
 
-def project(lat_long: Float[np.ndarray, "h w 3"], bands: int) -> Float32[np.ndarray, "k 3"]:
+def adjust(light: Light, *, rotation: float = 0.0, window: str = "none", window_size: float | None = None) -> Light:
+    """The light turned by `rotation` degrees about +y, with a window; what is not default joins its name."""
+    if not np.isfinite(rotation):
+        raise PrtnetError(f"light.rotation: found {rotation}, expected degrees")
+    if window not in sh.WINDOWS:
+        raise PrtnetError(f"light.window: found {window!r}, expected one of {', '.join(sh.WINDOWS)}")
+    if window_size is not None and not 0 < window_size < np.inf:
+        raise PrtnetError(f"light.window_size: found {window_size}, expected more than 0 bands")
+    if window_size is not None and window == "none":
+        raise PrtnetError(f"light.window_size: found {window_size} with light.window=none, expected hann or lanczos")
+    name = light.name
+    if window != "none":
+        name += f" {window}" + (f" {window_size:g}" if window_size else "")
+    if rotation:
+        name += f" turned {rotation:g}"
+    image = None if light.image is None else turn(light.image, rotation)
+    return replace(light, name=name, image=image, rotation=rotation, window=window, window_size=window_size)
+
+
+def load(path: str | Path, kind: str = "lat_long") -> Float32[Array, "h w 3"]:
+    """A probe as a lat-long radiance image, linear RGB; `kind` as in `prtnet.data.probe.load`, and so the errors."""
+    return probe.to_lat_long(probe.load(path, kind))
+
+
+def project(lat_long: Float[Array, "h w 3"], bands: int) -> Float32[Array, "k 3"]:
     """SH coefficients of a lat-long radiance image per colour: every texel at its centre with its exact solid angle."""
-    height, width = lat_long.shape[:2]
-    weights = np.repeat(solid_angles(height, width), width)
-    towards, radiance = directions(height, width).reshape(-1, 3), lat_long.reshape(-1, 3)
-    total = np.zeros((sh.count(bands), 3))
-    for first in range(0, len(weights), STEP):
-        part = slice(first, first + STEP)
-        total += sh.project(np.asarray(radiance[part], np.float64), towards[part], weights[part], bands)
-    return total.astype(np.float32)
+    return probe.project(Probe("lat_long", np.asarray(lat_long)[None]), bands)
 
 
-def sky(
-    height: int = 256,
-    *,
-    sun: Sequence[float] = (0.75, 0.55, 0.45),
-    sun_irradiance: Sequence[float] = (3.6, 3.1, 2.4),
-    sun_sharpness: float = 16.0,
-    zenith: Sequence[float] = (0.20, 0.34, 0.62),
-    horizon: Sequence[float] = (0.62, 0.70, 0.78),
-    ground: Sequence[float] = (0.16, 0.13, 0.10),
-) -> Float32[np.ndarray, "h w 3"]:
-    """A clear sky over dull ground with a soft sun from the side; linear radiance, `height` x twice that.
-
-    `sun` points to the sun (any length); its lobe is exp(sharpness (cos - 1)), about 1 / sqrt(sharpness) rad wide, so
-    that five bands still carry its shadow, and is scaled to `sun_irradiance` on a surface that faces it.
-    """
-    towards = directions(height, 2 * height)
-    up = towards[..., 1:2]
-    above = np.clip(up, 0, 1) ** 0.5
-    dome = np.asarray(horizon) * (1 - above) + np.asarray(zenith) * above
-    # 3 degrees of haze between sky and ground: no hard edge to alias
-    share = np.clip(up / 0.1 + 0.5, 0, 1)
-    share = share * share * (3 - 2 * share)
-    lobe = np.exp(sun_sharpness * (towards @ _unit(sun) - 1))[..., None]
-    peak = np.asarray(sun_irradiance) / _facing_irradiance(sun_sharpness)
-    return (np.asarray(ground) * (1 - share) + (dome + peak * lobe) * share).astype(np.float32)
+def about_y(degrees: float) -> Float64[Array, "3 3"]:
+    """The rotation about +y that takes +z towards +x, counter-clockwise seen from above."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
 
 
-def _unit(direction: Sequence[float]) -> Float64[np.ndarray, " 3"]:
-    length = float(np.linalg.norm(direction))
-    if not (length > 0 and np.isfinite(length)):
-        raise PrtnetError(f"light: found sun direction {list(direction)}, expected a finite vector other than 0")
-    return np.asarray(direction, np.float64) / length
-
-
-def _facing_irradiance(sharpness: float) -> float:
-    """Integral of max(0, cos) exp(sharpness (cos - 1)) dw."""
-    if not sharpness > 0:
-        raise PrtnetError(f"light: found sun sharpness {sharpness}, expected more than 0")
-    return 2 * np.pi * (1 / sharpness - (1 - np.exp(-sharpness)) / sharpness**2)
+def turn(lat_long: Float32[Array, "h w 3"], degrees: float) -> Float32[Array, "h w 3"]:
+    """A lat-long image turned as `about_y` turns directions: its columns move to the left, blended between texels."""
+    columns = degrees / 360 * lat_long.shape[1]
+    whole = round(columns) if np.isclose(columns, round(columns), atol=1e-9) else int(np.floor(columns))
+    share = np.float32(max(columns - whole, 0))
+    near, far = np.roll(lat_long, -whole, axis=1), np.roll(lat_long, -whole - 1, axis=1)
+    return near * (1 - share) + far * share if share > 1e-6 else near

@@ -11,8 +11,9 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from prtnet import PrtnetError
-from prtnet.config import STAGES, Config
+from prtnet.config import STAGES, Config, LightOptions
 from prtnet.data import builtin, directions, light, scene, vertex
+from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
@@ -35,7 +36,7 @@ class Job:
     store: Store
     scene: Scene
     frame: Frame
-    radiance: np.ndarray  # the light as a lat-long image, "h w 3", linear
+    light: Light
     command: str  # that makes this run again
 
     @cached_property
@@ -53,8 +54,7 @@ class Job:
 
     @property
     def light_name(self) -> str:
-        path = self.config.light.path
-        return Path(path).stem if path else self.config.light.name
+        return self.light.name
 
     def rng(self, purpose: str) -> np.random.Generator:
         """A generator of its own for each purpose, so that one stage's draws never move another's."""
@@ -64,7 +64,7 @@ class Job:
 def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
     _check(config)
-    radiance = light.load(Path(config.light.path)) if config.light.path else light.sky()
+    chosen = _light(config.light)
     loaded = _load(config)
     vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
     base = Path(config.out or f"runs/{loaded.name}")
@@ -73,7 +73,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     store = Store(Path(config.cache) if config.cache else base / "cache")
     log.info("%s: %d triangles in %d parts -> %s", loaded.name, len(loaded.faces), len(loaded.materials), out)
     write_text(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))
-    return Job(config, out, store, loaded.centred(), loaded.frame, radiance, command)
+    return Job(config, out, store, loaded.centred(), loaded.frame, chosen, command)
 
 
 def _load(config: Config) -> Scene:
@@ -91,12 +91,15 @@ def _material(config: Config) -> Material:
     return made
 
 
+def _light(options: LightOptions) -> Light:
+    found = light.from_file(options.path, options.mapping) if options.path else light.by_name(options.name, options)
+    return light.adjust(found, rotation=options.rotation, window=options.window, window_size=options.window_size)
+
+
 def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
         raise PrtnetError(f"stages: found {config.stages}, expected some of {', '.join(STAGES)}")
-    if config.light.path is None and config.light.name != "sky":
-        raise PrtnetError(f"light.name: found {config.light.name!r}, expected sky, or a file as light.path")
     recipe.check(config.train)
     _material(config)
     if config.transfer.kind not in directions.KINDS:
@@ -113,7 +116,7 @@ def _check(config: Config) -> None:
         "atlas.size": 16,
         "vertex.level": 0,
         "model.width": 1,
-        "model.depth": 0,
+        "model.depth": 1,
         "train.batch": 1,
         "render.size": 16,
         "render.views": 1,

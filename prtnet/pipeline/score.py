@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from prtnet import console, netspec, score, sh
-from prtnet.data import light
 from prtnet.data.samples import Samples
 from prtnet.pipeline.bake import Baked, traced
 from prtnet.pipeline.export import Exported
@@ -48,7 +47,7 @@ class View:
 
 def score_methods(job: Job, baked: Baked, trained: Trained, exported: Exported) -> Scored:
     """Rows of texture, vertex, net and the noise floor against `traced`, and of net against `texture`."""
-    coefficients = light.project(job.radiance, job.config.transfer.bands)
+    coefficients = job.light.coefficients(job.config.transfer.bands)
     inputs = job.scene_key | {
         "texture": baked.texture.key,
         "atlas": asdict(job.config.atlas),

@@ -6,6 +6,7 @@ import pytest
 
 from prtnet import PrtnetError, sh
 from prtnet.data import light
+from prtnet.data.analytic_light import AnalyticOptions
 from tests.assets import asset
 
 AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
@@ -151,10 +152,92 @@ def test_the_sky_is_bright_above_dark_below_and_lit_from_the_side():
 
 
 def test_bad_suns():
-    with pytest.raises(PrtnetError, match="sun direction"):
+    with pytest.raises(PrtnetError, match=r"light\.sky\.sun"):
         light.sky(8, sun=(0, 0, 0))
     with pytest.raises(PrtnetError, match="sharpness"):
         light.sky(8, sun_sharpness=0.0)
+
+
+@pytest.mark.parametrize("columns", [0, 7, 16, -40])
+def test_turned_columns_are_a_turned_light(columns):
+    """Columns moved to the left are a turn from +z towards +x; whole columns are exact."""
+    image = np.random.default_rng(0).random((16, 64, 3)).astype(np.float32)
+    still = light.Light("noise", lambda bands: light.project(image, bands), image)
+    turned = light.adjust(still, rotation=columns * 360 / 64)
+    moved = np.roll(image, -columns, axis=1)
+    np.testing.assert_array_equal(turned.image, moved)
+    np.testing.assert_allclose(turned.coefficients(5), light.project(moved, 5), atol=1e-6)
+
+
+def test_the_rotation_goes_from_z_towards_x():
+    options = AnalyticOptions()
+    options.directional.direction = [0.0, 0.5, 1.0]
+    turned = light.adjust(light.by_name("directional", options), rotation=90)
+    options.directional.direction = [1.0, 0.5, 0.0]
+    np.testing.assert_allclose(turned.coefficients(5), light.by_name("directional", options).coefficients(5), atol=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [0.3, 10.1, 359.9, -12.34])
+def test_an_image_turned_by_part_of_a_texel_keeps_its_light(degrees):
+    image = light.sky(64)
+    turned = light.adjust(light.Light("sky", lambda bands: light.project(image, bands), image), rotation=degrees)
+    np.testing.assert_allclose(turned.image.mean(axis=1), image.mean(axis=1), rtol=1e-5)
+    np.testing.assert_allclose(light.project(turned.image, 5), turned.coefficients(5), atol=3e-3)
+
+
+@pytest.mark.parametrize(("window", "size"), [("hann", None), ("hann", 3.0), ("lanczos", 6.0)])
+def test_windows_scale_bands_and_turn_with_the_light(window, size):
+    plain = light.by_name("green")
+    found = light.adjust(plain, window=window, window_size=size, rotation=30)
+    factors = sh.window(window, size or 5, 5)[sh.band_index(5)][:, None]
+    np.testing.assert_allclose(
+        found.coefficients(5), factors * light.adjust(plain, rotation=30).coefficients(5), atol=1e-6
+    )
+    np.testing.assert_allclose(found.coefficients(5)[0], plain.coefficients(5)[0], atol=1e-6)
+
+
+def test_windows_take_the_negative_light_of_a_hard_one():
+    basis = sh.evaluate(sh.quadrature(40)[0], 5)
+    plain = light.by_name("directional")
+    lowest = [(basis @ light.adjust(plain, window=kind).coefficients(5)).min() for kind in ("none", "lanczos", "hann")]
+    assert lowest[0] < -1
+    assert lowest[0] < lowest[1] < lowest[2] < -1e-3
+
+
+def test_names_say_what_is_not_default(tmp_path):
+    path = write(tmp_path / "studio.old.exr", np.ones((4, 8, 3)))
+    plain = light.from_file(path)
+    assert plain.name == "studio.old"
+    assert light.adjust(plain).name == "studio.old"
+    assert light.adjust(plain, window="hann").name == "studio.old hann"
+    assert light.adjust(plain, window="lanczos", window_size=4).name == "studio.old lanczos 4"
+    assert light.adjust(light.by_name("sun"), window="hann", rotation=-22.5).name == "sun hann turned -22.5"
+
+
+@pytest.mark.parametrize(
+    ("knobs", "words"),
+    [
+        ({"rotation": np.nan}, ["light.rotation", "nan"]),
+        ({"window": "hamming"}, ["light.window", "hamming", "none, hann, lanczos"]),
+        ({"window": "hann", "window_size": 0.0}, ["light.window_size", "0.0"]),
+        ({"window_size": 3.0}, ["light.window_size", "light.window=none"]),
+    ],
+)
+def test_bad_adjustments_are_refused_by_key(knobs, words):
+    with pytest.raises(PrtnetError) as raised:
+        light.adjust(light.by_name("sky"), **knobs)
+    assert all(word in str(raised.value) for word in [*words, "expected"])
+
+
+def test_every_light_turns_and_projects_at_any_bands():
+    for name in light.NAMES:
+        for bands in (1, 5, 8):
+            assert np.isfinite(light.adjust(light.by_name(name), rotation=15).coefficients(bands)).all()
+
+
+def test_other_mappings_load_as_lat_long(tmp_path):
+    path = write(tmp_path / "ball.exr", np.ones((64, 64, 3)))
+    np.testing.assert_allclose(light.load(path, "auto"), np.ones((32, 64, 3)), rtol=1e-6)
 
 
 def test_courtyard(caplog):

@@ -8,6 +8,7 @@ and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 import math
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -138,7 +139,7 @@ class Shaded:
 
     def _compile(self, gloss_function: str) -> None:
         names = [f"t{layer}" for layer in range(self.layers)]
-        defines: dict[str, object] = {}
+        defines: dict[str, Any] = {}
         if gloss_function:
             specular = vector("vec3", np.asarray(self.material.specular))
             defines["GLOSS"] = f"{specular} * prt_gloss(mirrored(), {', '.join(names)})"

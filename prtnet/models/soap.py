@@ -15,9 +15,9 @@ from torch import Tensor
 class Soap(torch.optim.Optimizer):
     """For matrices only.
 
-    `decay` shrinks them by lr * decay a step (decoupled; Loshchilov and Hutter 2019). It costs no accuracy, and keeps
-    weights so small that float32 shaders agree with the net: without it a scene of tiny details (an island in a sea)
-    ends with coefficients wrong by 4e-4.
+    `decay` shrinks them by lr * decay a step (decoupled; Loshchilov and Hutter 2019). It costs 0.3 dB
+    on plants and 0.8 on room, and keeps weights so small that float32 shaders agree with the net: without it a scene of
+    tiny details (an island in a sea) ends with coefficients wrong by 4e-4.
     """
 
     def __init__(

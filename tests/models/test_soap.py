@@ -41,7 +41,7 @@ def test_bases_stay_orthonormal():
 def test_with_one_direction_it_is_adam():
     """A 1 x 1 matrix has the bases (1) and (1), and nothing to turn."""
     values = []
-    for make in (lambda p: Soap(p, lr=0.1), lambda p: torch.optim.Adam(p, lr=0.1, betas=(0.95, 0.95))):
+    for make in (lambda p: Soap(p, lr=0.1, decay=0.0), lambda p: torch.optim.Adam(p, lr=0.1, betas=(0.95, 0.95))):
         parameter = torch.nn.Parameter(torch.tensor([[3.0]]))
         optimiser = make([parameter])
         for _ in range(50):
@@ -50,3 +50,12 @@ def test_with_one_direction_it_is_adam():
             optimiser.zero_grad()
         values.append(parameter.detach())
     torch.testing.assert_close(values[0], values[1], rtol=0, atol=1e-5)
+
+
+def test_decay_shrinks_what_no_gradient_holds():
+    parameter = torch.nn.Parameter(torch.tensor([[2.0]]))
+    optimiser = Soap([parameter], lr=0.1, decay=0.5)
+    for _ in range(3):
+        parameter.grad = torch.zeros_like(parameter)
+        optimiser.step()
+    torch.testing.assert_close(parameter.detach(), torch.tensor([[2.0 * 0.95**3]]))

@@ -11,7 +11,6 @@ The file (docs/net-format.md) is safetensors with one JSON descriptor in its met
 
 import json
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -21,7 +20,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
-from prtnet import PrtnetError, sh
+from prtnet import PrtnetError, sh, store
 
 Array = np.ndarray
 
@@ -168,9 +167,8 @@ def save(net: NetSpec, path: Path | str) -> None:
         tensors[f"layer.{i}.weight"] = np.ascontiguousarray(weight, np.float32)
         tensors[f"layer.{i}.bias"] = np.ascontiguousarray(bias, np.float32)
     text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
-    temporary = Path(f"{path}.{os.getpid()}.tmp")
-    temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
-    os.replace(temporary, path)
+    with store.atomic(Path(path)) as temporary:
+        temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
 
 
 def load(path: Path | str) -> NetSpec:

@@ -23,7 +23,8 @@ from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer, rays
 from prtnet.render import camera
 from prtnet.render.material import PRODUCTS, Material
-from prtnet.render.raster import Raster, TextureMethod
+from prtnet.render.method import TextureMethod
+from prtnet.render.raster import Raster
 
 RESULTS = Path(__file__).resolve().parent / "results"
 DIRECTIONS, BANDS = 512, 5

@@ -82,7 +82,8 @@ def prepare(scene: str, cache: Path) -> Data:
     drawing = raster.Raster(baked.texture.atlas, SIZE)
     pixels = [drawing.gbuffer(eye) for eye in camera.path(job.scene, job.tracer, VIEWS)]
     traced = [_traced(job, view, index) for index, view in enumerate(pixels)]
-    training = baked.training
+    assert baked.points is not None
+    training = baked.points.training
     return Data(scene, Points(training.positions, training.normals, training.transfer), pixels, traced)
 
 

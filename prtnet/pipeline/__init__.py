@@ -19,16 +19,17 @@ def run(config: Config, command: str = "", sweep_point: str | None = None) -> No
     job = open_job(config, command, sweep_point)
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
-    if last >= STAGES.index("train"):
+    network = None
+    if baked.points and last >= STAGES.index("train"):
         from prtnet.pipeline.train import train
 
-        trained = train(job, baked)
-        if last >= STAGES.index("export"):
-            from prtnet.pipeline.export import export
+        network = train(job, baked.points)
+    if last >= STAGES.index("export"):
+        from prtnet.pipeline.export import export
 
-            exported = export(job, baked, trained)
-            if last >= STAGES.index("score"):
-                from prtnet.pipeline.report import report
-                from prtnet.pipeline.score import score_methods
+        exported = export(job, baked, network)
+        if last >= STAGES.index("score"):
+            from prtnet.pipeline.report import report
+            from prtnet.pipeline.score import score_methods
 
-                report(job, baked, trained, exported, score_methods(job, baked, trained, exported))
+            report(job, baked, network, exported, score_methods(job, baked, network, exported))

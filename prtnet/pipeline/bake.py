@@ -59,16 +59,30 @@ class BakedMesh:
 
 
 @dataclass(frozen=True)
-class Baked:
+class NetPoints:
+    """What a net is trained on and tested on."""
+
     training: PointSet
     areas: PointSet  # the independent test set
     vertices: PointSet  # the other test set
+
+
+@dataclass(frozen=True)
+class Baked:
+    """The baseline, and what the other methods of the job need."""
+
     texture: BakedTexture
-    mesh: BakedMesh
+    mesh: BakedMesh | None
+    points: NetPoints | None
 
 
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
+    points = _net_points(job) if "net" in job.config.methods else None
+    return Baked(_texture(job), _mesh(job) if "vertex" in job.config.methods else None, points)
+
+
+def _net_points(job: Job) -> NetPoints:
     options = job.config.samples
 
     def uniform(purpose: str, count: int) -> Samples:
@@ -80,14 +94,12 @@ def bake(job: Job) -> Baked:
         return samples.select(found, np.sort(few))
 
     rays = job.config.transfer.directions
-    return Baked(
+    return NetPoints(
         _point_set(job, "training", lambda: uniform("training", options.count), options.count, rays),
         _point_set(
             job, "areas", lambda: uniform("areas", options.test_count), options.test_count, rays * TEST_DIRECTIONS
         ),
         _point_set(job, "vertices", vertices, options.test_count, rays * TEST_DIRECTIONS),
-        _texture(job),
-        _mesh(job),
     )
 
 

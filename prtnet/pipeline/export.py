@@ -11,7 +11,7 @@ import numpy as np
 from prtnet import PrtnetError, gl, netspec, store
 from prtnet.data import texture
 from prtnet.export import glsl, vertices
-from prtnet.pipeline.bake import Baked
+from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
 from prtnet.render import verify
@@ -23,21 +23,31 @@ CHECKED_POINTS = 1 << 14
 
 @dataclass(frozen=True)
 class Exported:
-    shader: str  # the function prt_transfer
+    """The net's shader, where there is a net."""
+
+    shader: str | None  # the function prt_transfer
     facts: Mapping[str, Any]
 
 
-def export(job: Job, baked: Baked, trained: Trained) -> Exported:
+def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
     """Write the net, its shaders, export.json and the files of the baselines into the run folder.
 
     Raises PrtnetError, and leaves no shader behind, when its error against the NumPy twin is above 1e-5.
     """
+    exported = _net(job, baked.points, trained) if trained and baked.points else Exported(None, {})
+    _write_texture(job, baked.texture)
+    if baked.mesh:
+        _write_vertices(job, baked.mesh)
+    return exported
+
+
+def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
     shader = glsl.emit(trained.net)
     whole = glsl.fragment_shader(trained.net)
     complaint = glsl.validate(whole)
     if complaint:
         raise PrtnetError(f"export: glslang refuses the shader: {complaint}")
-    facts = _measured(job, baked, trained, shader)
+    facts = _measured(job, points, trained, shader)
     if facts["error_max"] > verify.TOLERANCE:
         raise PrtnetError(
             f"export: the shader differs from the net by {facts['error_max']:.2g} in a coefficient, expected at most "
@@ -48,41 +58,38 @@ def export(job: Job, baked: Baked, trained: Trained) -> Exported:
     store.write_text(job.out / "transfer.glsl", shader)
     store.write_text(job.out / "transfer.frag", whole)
     store.write_text(job.out / "export.json", json.dumps(facts, indent=1, sort_keys=True) + "\n")
-    _write_texture(job, baked)
-    _write_vertices(job, baked)
     log.info("export: shader against NumPy: %.1e at most, %.1e on average", facts["error_max"], facts["error_mean"])
     return Exported(shader, facts)
 
 
-def _measured(job: Job, baked: Baked, trained: Trained, shader: str) -> dict[str, Any]:
+def _measured(job: Job, points: NetPoints, trained: Trained, shader: str) -> dict[str, Any]:
     """The shader run against the NumPy twin at test points of this scene and at random points of the whole cube."""
     inputs = {"net": trained.key, "shader": shader, "points": CHECKED_POINTS}
 
     def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         rng = job.rng("export")
         positions, normals = verify.random_points(CHECKED_POINTS, rng)
-        few = rng.permutation(len(baked.areas.positions))[:CHECKED_POINTS]
-        positions = np.concatenate([positions, baked.areas.positions[few]])
-        normals = np.concatenate([normals, baked.areas.normals[few]])
+        few = rng.permutation(len(points.areas.positions))[:CHECKED_POINTS]
+        positions = np.concatenate([positions, points.areas.positions[few]])
+        normals = np.concatenate([normals, points.areas.normals[few]])
         error = verify.glsl_error(trained.net, shader, positions, normals)
         return {}, {"error_max": error.highest, "error_mean": error.mean, "driver": gl.context().info["GL_RENDERER"]}
 
     return dict(job.store.make("export", inputs, make).facts)
 
 
-def _write_texture(job: Job, baked: Baked) -> None:
+def _write_texture(job: Job, baked: BakedTexture) -> None:
     path, stamp = job.out / "transfer_texture.exr", job.out / ".transfer_texture.key"
-    key = f"{baked.texture.key} {job.config.atlas.dilation} {job.config.atlas.half}"
+    key = f"{baked.key} {job.config.atlas.dilation} {job.config.atlas.half}"
     if path.exists() and stamp.exists() and stamp.read_text() == key:
         return
-    texture.write_exr(path, baked.texture.image, half=job.config.atlas.half)
+    texture.write_exr(path, baked.image, half=job.config.atlas.half)
     store.write_text(stamp, key)
 
 
-def _write_vertices(job: Job, baked: Baked) -> None:
+def _write_vertices(job: Job, baked: BakedMesh) -> None:
     path, stamp = job.out / "transfer_vertices.safetensors", job.out / ".transfer_vertices.key"
-    if path.exists() and stamp.exists() and stamp.read_text() == baked.mesh.key:
+    if path.exists() and stamp.exists() and stamp.read_text() == baked.key:
         return
-    mesh = baked.mesh
-    vertices.write(path, vertices.of_mesh(mesh.mesh, job.frame, mesh.transfer, job.config.vertex.kind))
-    store.write_text(stamp, mesh.key)
+    vertices.write(path, vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.vertex.kind))
+    store.write_text(stamp, baked.key)

@@ -11,7 +11,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from prtnet import PrtnetError
-from prtnet.config import STAGES, Config, LightOptions
+from prtnet.config import METHODS, STAGES, Config, LightOptions
 from prtnet.data import builtin, directions, light, scene, vertex
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
@@ -100,6 +100,8 @@ def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
         raise PrtnetError(f"stages: found {config.stages}, expected some of {', '.join(STAGES)}")
+    if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
+        raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     recipe.check(config.train)
     _material(config)
     if config.transfer.kind not in directions.KINDS:

@@ -6,7 +6,7 @@ from typing import Any
 from prtnet import score, store
 from prtnet.chart import plot, sheet, tables
 from prtnet.chart import report as pages
-from prtnet.pipeline.bake import Baked
+from prtnet.pipeline.bake import Baked, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import Scored
@@ -27,7 +27,7 @@ FILES = {
 }
 
 
-def report(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> None:
+def report(job: Job, baked: Baked, trained: Trained | None, exported: Exported, scored: Scored) -> None:
     """Write what is missing of the run folder's pages, and print the table."""
     out, page = job.out, job.out / "report.html"
     stamp = out / ".report.key"
@@ -39,11 +39,13 @@ def report(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
     print(f"\n{page}")
 
 
-def _write(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> None:
+def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, scored: Scored) -> None:
     out, rows = job.out, scored.rows
     versions = score.versions()
     score.write(out / "score.json", rows, versions)
-    title = f"{job.scene.name}: transfer in a network of {trained.facts['depth']} layers of {trained.facts['width']}"
+    title = f"{job.scene.name}: transfer"
+    if trained:
+        title += f" in a network of {trained.facts['depth']} layers of {trained.facts['width']}"
     frames = {name: list(images) for name, images in scored.frames.items() if name != "covered"}
     covered = list(scored.frames["covered"])
     numbers = scored.facts["shown_views"]
@@ -54,8 +56,9 @@ def _write(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
         "Accuracy against cost": out / "chart.png",
     }
     facts = _facts(job, baked, trained, exported, scored)
-    pages.card(out / "card.md", rows, facts, pictures, title=title, files=FILES)
-    history = [(int(step), float(loss)) for step, loss in trained.facts["history"]]
+    files = {name: words for name, words in FILES.items() if (out / name).exists() or name == "score.json"}
+    pages.card(out / "card.md", rows, facts, pictures, title=title, files=files)
+    history = [(int(step), float(loss)) for step, loss in trained.facts["history"]] if trained else []
     pages.report(
         out / "report.html",
         rows,
@@ -68,26 +71,20 @@ def _write(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
     )
 
 
-def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored: Scored) -> dict[str, Any]:
+def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, scored: Scored) -> dict[str, Any]:
     transfer, render = job.config.transfer, job.config.render
-    training = baked.training.facts
-    return {
+    facts = {
         "scene": job.scene.name,
         "triangles": len(job.scene.faces),
         "SH bands (coefficients)": f"{transfer.bands} ({transfer.bands**2})",
-        "training points": training["points"],
-        "of them enclosed, left out": training["enclosed"],
         "rays per point": transfer.directions,
         "tracer": job.tracer.kind,
-        "recipe": trained.facts["recipe"],
-        "training steps": trained.facts["steps"],
-        "training CPU-seconds": trained.facts["cpu_seconds"],
-        "transfer RMSE, held-out points": trained.facts["areas_rmse"],
-        "transfer RMSE, vertices": trained.facts["vertices_rmse"],
-        "multiply-adds of the net": exported.facts["macs"],
-        "bytes of the net": exported.facts["bytes"],
-        "shader against NumPy, worst coefficient": f"{exported.facts['error_max']:.1e} (bound {verify.TOLERANCE:g})",
-        "vertices": f"{len(baked.mesh.mesh.vertices)}, {job.config.vertex.kind} ({_cuts(job)})",
+    }
+    if trained and baked.points:
+        facts |= _net_facts(baked.points, trained, exported)
+    if baked.mesh:
+        facts["vertices"] = f"{len(baked.mesh.mesh.vertices)}, {job.config.vertex.kind} ({_cuts(job)})"
+    return facts | {
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],
         "light": job.light_name,
@@ -97,6 +94,21 @@ def _facts(job: Job, baked: Baked, trained: Trained, exported: Exported, scored:
         "rays per pixel of the reference": render.traced_directions,
         "image": f"{render.views} views of {render.size} x {render.size}",
         "centre and scale": f"{job.frame.centre.tolist()}, {job.frame.scale:.9g}",
+    }
+
+
+def _net_facts(points: NetPoints, trained: Trained, exported: Exported) -> dict[str, Any]:
+    return {
+        "training points": points.training.facts["points"],
+        "of them enclosed, left out": points.training.facts["enclosed"],
+        "recipe": trained.facts["recipe"],
+        "training steps": trained.facts["steps"],
+        "training CPU-seconds": trained.facts["cpu_seconds"],
+        "transfer RMSE, held-out points": trained.facts["areas_rmse"],
+        "transfer RMSE, vertices": trained.facts["vertices_rmse"],
+        "multiply-adds of the net": exported.facts["macs"],
+        "bytes of the net": exported.facts["bytes"],
+        "shader against NumPy, worst coefficient": f"{exported.facts['error_max']:.1e} (bound {verify.TOLERANCE:g})",
     }
 
 

@@ -11,7 +11,7 @@ from prtnet import console, netspec
 from prtnet.models import train as training
 from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
-from prtnet.pipeline.bake import Baked, PointSet
+from prtnet.pipeline.bake import NetPoints, PointSet
 from prtnet.pipeline.job import Job
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ class Trained:
     facts: Mapping[str, Any]
 
 
-def train(job: Job, baked: Baked) -> Trained:
+def train(job: Job, points: NetPoints) -> Trained:
     """The trained net of this job, with its step count, loss curve and held-out errors as facts."""
     options = asdict(job.config.train)
     # how often a run is saved changes nothing of its result; a fixed step count leaves the time without meaning
@@ -34,7 +34,7 @@ def train(job: Job, baked: Baked) -> Trained:
     if options["steps"] is not None:
         del options["cpu_seconds"]
     inputs = {
-        "training": baked.training.key,
+        "training": points.training.key,
         "model": asdict(job.config.model),
         "train": options,
         # the net's file tells the way back to the mesh's own coordinates
@@ -42,24 +42,24 @@ def train(job: Job, baked: Baked) -> Trained:
     }
     kept = job.store.get("net", inputs)
     if kept is None:
-        kept = _train(job, baked, inputs)
+        kept = _train(job, points, inputs)
     return Trained(kept.key, netspec.load(kept.path), kept.facts)
 
 
-def _train(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> Any:
-    steps, rate = _steps(job, baked, inputs)
+def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Any:
+    steps, rate = _steps(job, points, inputs)
     options, model = job.config.train, job.config.model
     title = f"train: {steps} steps of {options.batch} points, {model.depth} layers of {model.width}, {options.recipe}"
-    memory = 8 * sum(array.nbytes for array in (baked.training.positions, baked.training.transfer))
+    memory = 8 * sum(array.nbytes for array in (points.training.positions, points.training.transfer))
     console.estimate(title, seconds=steps / rate, memory=memory, disk=1e5)
     checkpoint = job.store.path("net", inputs, ".checkpoint.safetensors")
     with console.progress("train", steps, "steps") as reach:
         result = training.train(
-            _points(baked.training),
+            _points(points.training),
             model=model,
             options=options,
             steps=steps,
-            held_out=_points(baked.areas),
+            held_out=_points(points.areas),
             checkpoint_path=checkpoint,
             log_dir=job.out / "tensorboard",
             on_log=lambda seen: reach(seen["step"]),
@@ -71,8 +71,8 @@ def _train(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> Any:
         "steps": result.steps,
         "cpu_seconds": result.cpu_seconds,
         "history": _thinned(result.history),
-        "areas_rmse": _rmse(result.net, baked.areas),
-        "vertices_rmse": _rmse(result.net, baked.vertices),
+        "areas_rmse": _rmse(result.net, points.areas),
+        "vertices_rmse": _rmse(result.net, points.vertices),
         "recipe": options.recipe,
         "width": model.width,
         "depth": model.depth,
@@ -88,12 +88,12 @@ def _train(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> Any:
     return kept
 
 
-def _steps(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> tuple[int, float]:
+def _steps(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> tuple[int, float]:
     """The step count and the steps per CPU-second it comes from, kept before step 1: a resumed run is the same run."""
     options = job.config.train
 
     def calibrate() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        rate = training.calibrate(_points(baked.training), model=job.config.model, options=options)
+        rate = training.calibrate(_points(points.training), model=job.config.model, options=options)
         steps = options.steps if options.steps is not None else max(1, round(rate * options.cpu_seconds))
         return {}, {"rate": rate, "steps": steps}
 
@@ -101,14 +101,14 @@ def _steps(job: Job, baked: Baked, inputs: Mapping[str, Any]) -> tuple[int, floa
     return facts["steps"], facts["rate"]
 
 
-def _points(points: PointSet) -> Points:
-    return Points(points.positions, points.normals, points.transfer)
+def _points(part: PointSet) -> Points:
+    return Points(part.positions, part.normals, part.transfer)
 
 
-def _rmse(net: NetSpec, points: PointSet) -> float:
+def _rmse(net: NetSpec, part: PointSet) -> float:
     """Root mean square error over all coefficients."""
-    found = netspec.evaluate_unit(net, points.positions, points.normals)
-    return float(np.sqrt(np.mean((found.astype(np.float64) - points.transfer) ** 2)))
+    found = netspec.evaluate_unit(net, part.positions, part.normals)
+    return float(np.sqrt(np.mean((found.astype(np.float64) - part.transfer) ** 2)))
 
 
 def _thinned(history: np.ndarray) -> list[list[float]]:

@@ -18,7 +18,8 @@ from prtnet.export.spelling import number
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import barycentric, from_faces, shade
 from prtnet.render.material import DIFFUSE
-from prtnet.render.raster import Raster, Shaded
+from prtnet.render.method import Shaded
+from prtnet.render.raster import Raster
 
 Array = np.ndarray
 

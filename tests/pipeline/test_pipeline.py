@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from prtnet import netspec, score, sh, store
+from prtnet import PrtnetError, netspec, score, sh, store
 from prtnet.config import Config
 from prtnet.export import gloss, vertices
 from prtnet.pipeline import run
@@ -223,3 +223,18 @@ def test_the_same_mesh_scaled_and_moved_gives_the_same_picture(tmp_path, scale, 
     for method in ("traced", "texture", "net"):
         difference = pictures[0][method].astype(np.float32) - pictures[1][method]
         assert np.sqrt(np.mean(difference**2)) < 0.01, method
+
+
+def test_without_a_net_nothing_is_trained(tmp_path):
+    run(config(tmp_path, methods=["texture", "vertex"]))
+    rows, _ = score.read(tmp_path / "score.json")
+    assert {row.method for row in rows} == {"texture", "vertex", score.NOISE_FLOOR}
+    assert not (tmp_path / "net.safetensors").exists()
+    assert not (tmp_path / "cache" / "training").exists()
+    assert "net.safetensors" not in (tmp_path / "card.md").read_text()
+
+
+@pytest.mark.parametrize("methods", [["net"], ["texture", "voxels"], []])
+def test_methods_are_checked(tmp_path, methods):
+    with pytest.raises(PrtnetError, match=r"methods: found .*, expected texture and some of vertex, net"):
+        run(config(tmp_path, methods=methods))

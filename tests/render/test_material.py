@@ -14,7 +14,8 @@ from prtnet.render import material as materials
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import shade
 from prtnet.render.material import Material
-from prtnet.render.raster import NetMethod, Raster, TextureMethod
+from prtnet.render.method import NetMethod, TextureMethod
+from prtnet.render.raster import Raster
 from tests.nets import random_net
 from tests.render.meshes import scene, sphere
 

@@ -9,7 +9,8 @@ from prtnet import PrtnetError, gl, sh
 from prtnet.data import atlas, builtin, light, texture
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import shade
-from prtnet.render.raster import NetMethod, Raster, TextureMethod
+from prtnet.render.method import NetMethod, TextureMethod
+from prtnet.render.raster import Raster
 from tests.render.meshes import atlas_uv, bilinear, quad, scene, sphere
 
 SIZE = 96

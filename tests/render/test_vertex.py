@@ -11,7 +11,8 @@ from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer, shade
-from prtnet.render.raster import Raster, TextureMethod
+from prtnet.render.method import TextureMethod
+from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod, pack, shade_vertices
 from tests.render.meshes import quad, scene, sphere
 

@@ -1,0 +1,74 @@
+"""The methods of a job, ready to draw, each with what it costs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from prtnet import netspec, score, sh
+from prtnet.pipeline.bake import Baked, BakedMesh, NetPoints
+from prtnet.pipeline.export import Exported
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.train import Trained
+from prtnet.render.method import NetMethod, Shaded, TextureMethod
+from prtnet.render.raster import Raster
+from prtnet.render.vertex import VertexMethod
+
+# covered pixels of a frame -> macs, bytes, bake_seconds, train_seconds
+Costs = Callable[[float], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    shaded: Shaded
+    costs: Costs
+
+
+def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster) -> dict[str, Drawn]:
+    """By name, the texture first. Vertices are drawn only where the material is diffuse."""
+    made = {"texture": _texture(job, baked, drawing)}
+    if baked.mesh and not job.material.glossy:
+        made["vertex"] = _vertex(job, baked.mesh)
+    if baked.points and trained and exported.shader:
+        made["net"] = _net(job, baked.points, trained, exported.shader, drawing)
+    return made
+
+
+def _shading_macs(job: Job) -> int:
+    bands = job.config.transfer.bands
+    return score.diffuse_macs(sh.count(bands)) + job.material.gloss_macs(bands)
+
+
+def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
+    options, count = job.config.atlas, sh.count(job.config.transfer.bands)
+    shaded = TextureMethod(drawing, baked.texture.image, half=options.half, material=job.material)
+    costs = {
+        "macs": score.fetch_macs(count, "bilinear") + _shading_macs(job),
+        "bytes": score.texture_bytes(options.size, count, half=options.half),
+        "bake_seconds": baked.texture.facts["seconds"],
+        "train_seconds": None,
+    }
+    return Drawn(shaded, lambda pixels: costs)
+
+
+def _vertex(job: Job, baked: BakedMesh) -> Drawn:
+    vertices, count = len(baked.mesh.vertices), sh.count(job.config.transfer.bands)
+
+    def costs(pixels: float) -> dict[str, Any]:
+        return {
+            "macs": score.vertex_macs(vertices, count, pixels),
+            "bytes": score.vertex_bytes(vertices, count),
+            "bake_seconds": baked.facts["seconds"],
+            "train_seconds": None,
+        }
+
+    return Drawn(VertexMethod(baked.mesh, baked.transfer, job.config.render.size), costs)
+
+
+def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Raster) -> Drawn:
+    costs = {
+        "macs": netspec.macs(trained.net) + _shading_macs(job),
+        "bytes": netspec.byte_count(trained.net),
+        "bake_seconds": points.training.facts["seconds"],
+        "train_seconds": trained.facts["cpu_seconds"],
+    }
+    return Drawn(NetMethod(drawing, shader, material=job.material), lambda pixels: costs)

@@ -96,9 +96,7 @@ class Config:
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
     stages: list[str] = field(default_factory=lambda: list(STAGES))  # up to the last one named is made where missing
-    methods: list[str] = field(
-        default_factory=lambda: list(METHODS)
-    )  # texture, the baseline, and others
+    methods: list[str] = field(default_factory=lambda: list(METHODS))  # texture, the baseline, and others
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one

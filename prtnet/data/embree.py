@@ -41,6 +41,9 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcOccluded4": (None, [c_void_p] * 4),
     "rtcOccluded8": (None, [c_void_p] * 4),
     "rtcOccluded16": (None, [c_void_p] * 4),
+    "rtcIntersect4": (None, [c_void_p] * 4),
+    "rtcIntersect8": (None, [c_void_p] * 4),
+    "rtcIntersect16": (None, [c_void_p] * 4),
 }
 
 
@@ -50,15 +53,15 @@ class QueryContext(ctypes.Structure):
     _fields_ = (("instance", c_uint * 16),)
 
 
-class OccludedArguments(ctypes.Structure):
-    """RTCOccludedArguments."""
+class QueryArguments(ctypes.Structure):
+    """RTCOccludedArguments and RTCIntersectArguments, which have one layout."""
 
     _fields_ = (
         ("flags", c_int),
         ("feature_mask", c_uint),
         ("context", POINTER(QueryContext)),
         ("filter", c_void_p),
-        ("occluded", c_void_p),
+        ("geometry", c_void_p),
     )
 
 
@@ -102,10 +105,14 @@ class PacketScene:
         if major != 4:
             raise EmbreeUnavailable(f"the wheel's Embree is version {major}, expected 4")
         self.width = width or self._native_width()
-        self.function: int = ctypes.cast(getattr(embree, f"rtcOccluded{self.width}"), c_void_p).value or 0
+        # any hit, and the closest one
+        self.function, self.closest = (
+            ctypes.cast(getattr(embree, f"{query}{self.width}"), c_void_p).value or 0
+            for query in ("rtcOccluded", "rtcIntersect")
+        )
         flags = COHERENT if len(faces) < COHERENT_BELOW else 0
         context = QueryContext((c_uint * 16)(*[0xFFFFFFFF] * 16))
-        self._arguments = OccludedArguments(flags, 0xFFFFFFFF, ctypes.pointer(context), None, None)
+        self._arguments = QueryArguments(flags, 0xFFFFFFFF, ctypes.pointer(context), None, None)
         self.options: int = ctypes.addressof(self._arguments)
         self.address: int = self._build(vertices, faces)
 

@@ -5,7 +5,8 @@ not as a global. No fast-math: directions must round exactly as NumPy rounds the
 rays.
 
 A packet of W rays is Embree's RTCRayW, twelve rows of W: origin x y z, tnear, direction x y z, time, tfar, mask, id,
-flags. Embree writes tfar = -inf where something was hit, and nothing else.
+flags. Occlusion writes tfar = -inf where something was hit, and nothing else. For closest hits RTCHitW follows: normal
+x y z, u, v, face, geometry, instance; a face is valid where geometry is not -1, and then tfar is the distance.
 """
 
 from functools import lru_cache
@@ -16,13 +17,13 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 FAR = np.float32(1e37)  # what embreex uses
-TFAR = 8
+TFAR, NORMAL, U, V, FACE, GEOMETRY = 8, 12, 15, 16, 17, 18
 LANES = 8  # SH rows are summed in blocks of this many, so that the inner loop has a fixed length
 
 
 @intrinsic
-def call_occluded(typing_context, function, valid, scene, rays, options):
-    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments*) at an address."""
+def call_query(typing_context, function, valid, scene, rays, options):
+    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments*) at an address; or rtcIntersectW."""
     signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
 
     def generate(context, builder, signature, arguments):
@@ -37,7 +38,8 @@ def call_occluded(typing_context, function, valid, scene, rays, options):
 
 def packet(width: int) -> tuple[np.ndarray, np.ndarray]:
     """A ray packet and its mask (all rays on), aligned as Embree wants them."""
-    rays, valid = _aligned(12 * width).reshape(12, width), _aligned(width).view(np.int32)
+    # 24 rows: RTCRayHitW has 20, or more where Embree was built for nested instances
+    rays, valid = _aligned(24 * width).reshape(24, width), _aligned(width).view(np.int32)
     rays.view(np.int32)[9] = -1
     valid[:] = -1
     return rays, valid
@@ -67,7 +69,7 @@ def gather_kernel(width: int):
                 rays[axis, :] = origins[i, axis]
             for j in range(directions.shape[0]):
                 aim(width, frames[i], directions[j], rays)
-                call_occluded(function, valid_address, scene, rays_address, options)  # pyright: ignore[reportCallIssue]
+                call_query(function, valid_address, scene, rays_address, options)  # pyright: ignore[reportCallIssue]
                 free = 0
                 for q in range(width):
                     free += rays[TFAR, q] > 0
@@ -149,8 +151,92 @@ def occluded_kernel(width: int):
                     rays[axis, q] = origins[i, axis]
                     rays[4 + axis, q] = directions[i, axis]
                 rays[TFAR, q] = FAR
-            call_occluded(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
+            call_query(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
             for q in range(min(width, count - first)):
                 out[first + q] = rays[TFAR, q] < 0
 
     return occluded
+
+
+@lru_cache(maxsize=3)
+def closest_kernel(width: int):
+    """The kernel that finds what a list of rays hits first: face (-1: nothing), barycentric u and v, distance."""
+
+    @njit(nogil=True, cache=True)
+    def closest(function, scene, options, rays, valid, origins, directions, face, where, distance):
+        count, words = origins.shape[0], rays.view(np.int32)
+        for first in range(0, count, width):
+            for q in range(width):
+                i = min(first + q, count - 1)
+                for axis in range(3):
+                    rays[axis, q] = origins[i, axis]
+                    rays[4 + axis, q] = directions[i, axis]
+                rays[TFAR, q] = FAR
+                words[GEOMETRY, q] = -1
+            call_query(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
+            for q in range(min(width, count - first)):
+                hit = words[GEOMETRY, q] != -1
+                face[first + q] = words[FACE, q] if hit else -1
+                where[first + q, 0], where[first + q, 1] = rays[U, q], rays[V, q]
+                distance[first + q] = rays[TFAR, q] if hit else np.inf
+
+    return closest
+
+
+@lru_cache(maxsize=3)
+def bounce_kernel(width: int):
+    """The kernel that sums what the surfaces that a point sees send back, weighted by direction.
+
+    With `rows` (as many as directions) every row is multiplied with what comes from its direction, in colour-major
+    order: the sum is SH of incoming radiance, in the point's own frame. With a single row of ones it is a plain sum.
+    """
+
+    @njit(nogil=True, cache=True)
+    def bounce(
+        function, scene, options, rays, valid, origins, frames, directions, weights,
+        corners, behind, place, texels, values, rows, out,
+    ):  # fmt: skip
+        words, channels, harmonics = rays.view(np.int32), values.shape[1], rows.shape[1]
+        total = np.empty(channels * harmonics)
+        for i in range(origins.shape[0]):
+            total[:] = 0
+            for axis in range(3):
+                rays[axis, :] = origins[i, axis]
+            for j in range(directions.shape[0]):
+                aim(width, frames[i], directions[j], rays)
+                words[GEOMETRY, :] = -1
+                call_query(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
+                for q in range(width):
+                    if words[GEOMETRY, q] == -1:
+                        continue
+                    facing = rays[4, q] * rays[NORMAL, q] + rays[5, q] * rays[NORMAL + 1, q]
+                    facing += rays[6, q] * rays[NORMAL + 2, q]
+                    texel = look_up(words[FACE, q], facing < 0, rays[U, q], rays[V, q], corners, behind, place, texels)
+                    if texel < 0:
+                        continue
+                    ray = j * width + q
+                    if harmonics == 1:
+                        for c in range(channels):
+                            total[c] += weights[ray] * values[texel, c]
+                    else:
+                        for c in range(channels):
+                            for k in range(harmonics):
+                                total[c * harmonics + k] += values[texel, c] * rows[ray, k]
+            out[i] = total
+
+    return bounce
+
+
+@njit(nogil=True, cache=True, inline="always")
+def look_up(face, front, u, v, corners, behind, place, texels):
+    """The row of values at a point of a face, seen from its front or back; -1 where nothing is kept."""
+    side = face if front else behind[face]
+    if side < 0:
+        return -1
+    size, start = place[side, 0], place[side, 1]
+    w = np.float32(1) - u - v
+    x = w * corners[side, 0, 0] + u * corners[side, 1, 0] + v * corners[side, 2, 0]
+    y = w * corners[side, 0, 1] + u * corners[side, 1, 1] + v * corners[side, 2, 1]
+    column = min(max(int(x * size), 0), size - 1)
+    row = size - 1 - min(max(int(y * size), 0), size - 1)
+    return texels[start + row * size + column]

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32, Int32
 
 from prtnet import PrtnetError, sh
 from prtnet.data import directions as sets
@@ -87,6 +87,30 @@ class Tracer:
         trace = kernels.occluded_kernel(self._scene.width)
         trace(self._scene.function, self._scene.address, self._scene.options, rays, valid, origins, directions, hit)
         return hit
+
+    def hits(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Int32[np.ndarray, " n"], Float32[np.ndarray, "n 2"], Float32[np.ndarray, " n"]]:
+        """What rays hit first: face of the scene (-1: nothing), barycentric (u, v), distance in unit lengths (infinite).
+
+        The point hit is (1 - u - v) a + u b + v c. Origins in unit coordinates, as `origins` gives them; directions of
+        unit length.
+        """
+        origins, directions = (np.ascontiguousarray(each, np.float32) for each in (origins, directions))
+        self.rays_traced += len(origins)
+        if not isinstance(self._scene, PacketScene):
+            found = self._scene.run(origins, directions, query="INTERSECT", output=True)
+            distance = np.where(found["primID"] < 0, np.inf, found["tfar"]).astype(np.float32)
+            return found["primID"].astype(np.int32), np.stack([found["u"], found["v"]], axis=1), distance
+        from prtnet.data import kernels
+
+        count, scene = len(origins), self._scene
+        face, where = np.empty(count, np.int32), np.empty((count, 2), np.float32)
+        distance = np.empty(count, np.float32)
+        rays, valid = kernels.packet(scene.width)
+        closest = kernels.closest_kernel(scene.width)
+        closest(scene.closest, scene.address, scene.options, rays, valid, origins, directions, face, where, distance)
+        return face, where, distance
 
     def gather(
         self, origins: Float[np.ndarray, "n 3"], turns: Float[np.ndarray, "n 6"], table: Table

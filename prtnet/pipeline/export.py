@@ -91,5 +91,5 @@ def _write_vertices(job: Job, baked: BakedMesh) -> None:
     path, stamp = job.out / "transfer_vertices.safetensors", job.out / ".transfer_vertices.key"
     if path.exists() and stamp.exists() and stamp.read_text() == baked.key:
         return
-    vertices.write(path, vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.vertex.kind))
+    vertices.write(path, vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.transfer.transport))
     store.write_text(stamp, baked.key)

@@ -14,8 +14,8 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
 from prtnet.pipeline.train import Trained
-from prtnet.pipeline.views import View, traced_view, views_of
-from prtnet.render import gbuffer as gbuffers
+from prtnet.pipeline.transport import Radiosity
+from prtnet.pipeline.views import View, reference_of, views_of
 from prtnet.render.camera import Camera
 from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
@@ -54,9 +54,9 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         drawing = Raster(baked.texture.atlas, job.config.render.size)
-        views = views_of(job, drawing, coefficients)
+        views = views_of(job, drawing, coefficients, baked.texture.radiosity)
         methods = make_all(job, baked, trained, exported, drawing)
-        return _draw_and_score(job, methods, views, coefficients)
+        return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]
@@ -64,7 +64,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
 
 def _draw_and_score(
-    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array
+    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array, radiosity: Radiosity | None
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     for method in methods.values():
         if isinstance(method.shaded, VertexMethod):
@@ -87,7 +87,7 @@ def _draw_and_score(
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
         spent = {"ms": times[name], "ms_ratio": times[name] / times["texture"]}
         rows.append(_row(job, metrics, name, reference, methods[name].costs(pixels) | spent))
-    rows.append(_noise_floor(job, views[0], coefficients, exposure))
+    rows.append(_noise_floor(job, views[0], coefficients, radiosity, exposure))
     shown = np.unique(np.linspace(0, len(views) - 1, min(len(views), SHOWN_VIEWS)).round().astype(int))
     kept = {
         name: np.stack([score.tone_map(images[view], exposure) for view in shown]).astype(np.float16)
@@ -112,10 +112,9 @@ def _times(methods: Mapping[str, Drawn], eye: Camera, coefficients: Array) -> di
     return {name: float(np.median(values)) for name, values in taken.items()}
 
 
-def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
+def _noise_floor(job: Job, view: View, coefficients: Array, radiosity: Radiosity | None, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
-    baked = traced_view(job, "traced view 1 again", view.camera, view.gbuffer, repeat=1)
-    again = gbuffers.shade(view.gbuffer, baked, coefficients, job.material)
+    again = reference_of(job, "traced view 1 again", view.camera, view.gbuffer, coefficients, radiosity, repeat=1)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
     return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
 

@@ -167,3 +167,11 @@ def test_errors(plants):
     with pytest.raises(PrtnetError, match="vertex transfer: found 100 vertices, expected at most 64"):
         pack(np.zeros((100, 4), np.float32), 8)
     assert gl.layer_count(sh.count(5)) == 7
+
+
+def test_four_groups_at_vertices_agree_with_numpy(plants):
+    transfer = np.random.default_rng(0).normal(size=(len(plants.vertices), 36)).astype(np.float32)
+    method = VertexMethod(plants, transfer, SIZE, groups=4)
+    expected = shade_vertices(method.raster, EYE, transfer, random_light(9), groups=4)
+    error = np.abs(method.draw(EYE, random_light(9)) - expected)
+    assert np.percentile(error, 99) < 1e-3 * np.abs(expected).max()

@@ -117,6 +117,7 @@ def _indexed(scene: Scene, corner_uv: Float32[Array, "f 3 2"], overlap: float) -
         vertices=scene.vertices[vertex],
         normals=scene.normals[vertex],
         uv=None if scene.uv is None else scene.uv[vertex],
+        roughness=None if scene.roughness is None else scene.roughness[vertex],
         faces=corner.reshape(-1, 3).astype(np.int32),
     )
     return Atlas(indexed, rows[first, 1:].copy().view(np.float32), "xatlas", overlap)

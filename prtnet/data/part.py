@@ -24,3 +24,7 @@ class Part:
     texture: Float[np.ndarray, "h w 3"] | None = None
     # one word for all faces, or one for each
     two_sided: bool | Bool[np.ndarray, " f"] | None = None
+    # of the vertices; factor and map multiply it, the map as `texture` does
+    roughness: Float[np.ndarray, " v"] | None = None
+    roughness_factor: float | None = None
+    roughness_map: Float[np.ndarray, "h w"] | None = None

@@ -60,6 +60,9 @@ class Material:
     albedo: Float32[Array, " 3"] = field(default_factory=lambda: np.full(3, GREY, np.float32))
     # linear RGB; row 0 is the top of the image (v = 1)
     texture: Float32[Array, "h w 3"] | None = None
+    # of the file, 0 to 1, and what multiplies it; None where it has none
+    roughness: float | None = None
+    roughness_map: Float32[Array, "h w"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,8 @@ class Scene:
     camera: str = "auto"
     # after `split_sides`: the face of the unsplit scene that each face comes from
     face_origin: Int32[Array, " f"] | None = None
+    # of the vertices, multiplies the materials'; below 0 where the file has none, None where it has none at all
+    roughness: Float32[Array, " v"] | None = None
 
     @cached_property
     def face_normals(self) -> Float64[Array, "f 3"]:
@@ -116,6 +121,7 @@ class Scene:
             vertices=np.concatenate([self.vertices, self.vertices[used]]),
             normals=np.concatenate([self.normals, -self.normals[used]]),
             uv=None if self.uv is None else np.concatenate([self.uv, self.uv[used]]),
+            roughness=None if self.roughness is None else np.concatenate([self.roughness, self.roughness[used]]),
             faces=np.concatenate([self.faces, behind]).astype(np.int32),
             part=np.concatenate([self.part, self.part[back]]),
             two_sided=np.zeros(len(self.faces) + len(back), bool),
@@ -125,10 +131,14 @@ class Scene:
     def digest(self) -> str:
         """sha256 of everything but the name: the content key of the scene."""
         total = hashlib.sha256()
-        values = [getattr(self, f.name) for f in fields(self) if f.name not in ("name", "materials", "frame")]
+        apart = "name", "materials", "frame", "roughness"
+        values = [getattr(self, f.name) for f in fields(self) if f.name not in apart]
         values += [self.frame.centre, self.frame.scale]
         for material in self.materials:
             values += [material.name, material.albedo, material.texture]
+            # what most scenes lack does not stand in their digest
+            values += [v for v in (material.roughness, material.roughness_map) if v is not None]
+        values += [] if self.roughness is None else [self.roughness]
         for value in values:
             head = f"{value.dtype} {value.shape}" if isinstance(value, Array) else repr(value)
             total.update(head.encode() + b"\n")
@@ -200,7 +210,16 @@ def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene
         materials=tuple(_material(part) for part in parts),
         frame=frame_of(vertices),
         camera=camera,
+        roughness=_roughness(parts),
     )
+
+
+def _roughness(parts: Sequence[Part]) -> Float32[Array, " v"] | None:
+    """Of all vertices, -1 in parts that have none."""
+    if all(part.roughness is None for part in parts):
+        return None
+    found = [np.full(len(part.vertices), -1.0) if part.roughness is None else part.roughness for part in parts]
+    return np.concatenate(found).astype(np.float32)
 
 
 def _sides(part: Part) -> Bool[Array, " f"]:
@@ -209,10 +228,12 @@ def _sides(part: Part) -> Bool[Array, " f"]:
 
 def _material(part: Part) -> Material:
     texture = None if part.texture is None else np.asarray(part.texture, np.float32)
-    return Material(part.name, np.asarray(part.albedo, np.float32), texture)
+    rough = None if part.roughness_map is None else np.asarray(part.roughness_map, np.float32)
+    return Material(part.name, np.asarray(part.albedo, np.float32), texture, part.roughness_factor, rough)
 
 
 def _with_normals(part: Part) -> Part:
     source, faces, normals = crease_normals(part.vertices, part.faces, part.uv)
     uv = None if part.uv is None else part.uv[source]
-    return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv)
+    rough = None if part.roughness is None else part.roughness[source]
+    return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv, roughness=rough)

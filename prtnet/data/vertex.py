@@ -59,6 +59,7 @@ def mesh(scene: Scene, subdivide: Collection[str] = (), level: int = 1) -> Scene
         vertices=made.vertices[used],
         normals=made.normals[used],
         uv=None if made.uv is None else made.uv[used],
+        roughness=None if made.roughness is None else made.roughness[used],
         faces=corner.reshape(-1, 3).astype(np.int32),
     )
 
@@ -81,10 +82,11 @@ def _cut(split: Scene, chosen: Bool[Array, " f"]) -> Scene:
     faces = np.repeat(split.faces, times, axis=0)
     faces[np.repeat(chosen, times)] = children.reshape(-1, 3)
     origin = None if split.face_origin is None else np.repeat(split.face_origin, times)
-    uv = split.uv
-    if uv is not None:
-        low, high = ends.reshape(-1, 2)[first].T
-        uv = np.concatenate([uv, (uv[low] + uv[high]) / 2])
+    low, high = ends.reshape(-1, 2)[first].T
+    uv, rough = (
+        None if values is None else np.concatenate([values, (values[low] + values[high]) / 2])
+        for values in (split.uv, split.roughness)
+    )
     return replace(
         split,
         vertices=np.concatenate([split.vertices, middle.positions]),
@@ -94,6 +96,7 @@ def _cut(split: Scene, chosen: Bool[Array, " f"]) -> Scene:
         part=np.repeat(split.part, times),
         two_sided=np.zeros(len(faces), bool),
         face_origin=origin,
+        roughness=rough,
     )
 
 

@@ -159,6 +159,7 @@ def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
         mesh = made.scene
         arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals, "part": mesh.part}
         arrays |= {"uv": made.uv} | ({} if mesh.uv is None else {"material_uv": mesh.uv})
+        arrays |= {} if mesh.roughness is None else {"roughness": mesh.roughness}
         overlap = None if np.isnan(made.overlap) else made.overlap
         return arrays, {"source": made.source, "overlap": overlap, "seconds": time.perf_counter() - start}
 
@@ -171,6 +172,7 @@ def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
         normals=arrays["normals"],
         part=arrays["part"],
         uv=arrays.get("material_uv"),
+        roughness=arrays.get("roughness"),
         two_sided=np.zeros(len(arrays["faces"]), bool),
     )
     overlap = np.nan if facts["overlap"] is None else facts["overlap"]

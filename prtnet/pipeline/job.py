@@ -18,6 +18,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
+from prtnet.render import reflectance
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
 
@@ -78,6 +79,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     chosen = _light(config.light)
     loaded = _load(config)
     vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
+    reflectance.check(_material(config), loaded)
     base = Path(config.out or f"runs/{loaded.name}")
     out = base / sweep_point if sweep_point else base
     out.mkdir(parents=True, exist_ok=True)
@@ -96,9 +98,19 @@ def _load(config: Config) -> Scene:
 
 def _material(config: Config) -> Material:
     options = config.material
-    made = Material(options.diffuse, tuple(options.specular), options.exponent, options.product)
+    made = Material(
+        options.diffuse,
+        tuple(options.specular),
+        options.exponent,
+        options.product,
+        {name: reflectance.of_part(name, words) for name, words in options.parts.items()},
+        options.roughness,
+        options.light_bands,
+        options.radiance_bands,
+    )
+    orders = made.orders(config.transfer.bands)
     if made.glossy:
-        gloss.check(config.transfer.bands)
+        gloss.check(config.transfer.bands, *orders)
     return made
 
 

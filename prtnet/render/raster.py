@@ -5,6 +5,7 @@ what is hidden costs nothing, however dear the fragment shader. Everything is dr
 and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import moderngl
@@ -12,8 +13,10 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from prtnet import gl
+from prtnet.data import roughness
 from prtnet.data.atlas import Atlas
 from prtnet.data.scene import Scene
+from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer, from_faces
 
@@ -23,10 +26,15 @@ WHITE = np.ones((1, 1, 3), np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Faces that share an albedo texture: one draw call."""
+    """Faces that share their textures: one draw call."""
 
     albedo: moderngl.Texture
+    roughness: moderngl.Texture
     indices: moderngl.Buffer
+
+    def use(self) -> None:
+        self.albedo.use(0)
+        self.roughness.use(reflectance.UNIT)
 
 
 class Raster:
@@ -53,15 +61,18 @@ class Raster:
         function of the text `vertex` as AT_VERTEX."""
         return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
 
-    def draws(self, program: moderngl.Program) -> list[tuple[moderngl.Texture, moderngl.VertexArray]]:
-        """The mesh bound to a program: an albedo texture and a vertex array per group."""
-        content = [entry for entry in self._attributes if entry[2] in program]
-        return [(group.albedo, gl.context().vertex_array(program, content, group.indices)) for group in self._groups]
+    def draws(
+        self, program: moderngl.Program, attributes: Mapping[str, Float32[Array, "v c"]] | None = None
+    ) -> list[tuple[Group, moderngl.VertexArray]]:
+        """The mesh bound to a program: the textures and a vertex array per group. `attributes` join the mesh's own."""
+        own = [(_buffer(values), f"{values.shape[1]}f", name) for name, values in (attributes or {}).items()]
+        content = [entry for entry in [*self._attributes, *own] if entry[2] in program]
+        return [(group, gl.context().vertex_array(program, content, group.indices)) for group in self._groups]
 
     def render(
         self,
         program: moderngl.Program,
-        draws: list[tuple[moderngl.Texture, moderngl.VertexArray]],
+        draws: list[tuple[Group, moderngl.VertexArray]],
         camera: Camera,
         *,
         prepass: bool = True,
@@ -78,9 +89,9 @@ class Raster:
             framebuffer.color_mask = True, True, True, True
             framebuffer.depth_mask = False
             context.depth_func = "=="
-        gl.put(program, camera=matrix, albedo_map=0, eye=camera.eye)
-        for albedo, mesh in draws:
-            albedo.use(0)
+        gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, eye=camera.eye)
+        for group, mesh in draws:
+            group.use()
             mesh.render()
         framebuffer.depth_mask = True
 
@@ -102,12 +113,26 @@ class Raster:
 
     def gbuffer(self, camera: Camera) -> GBuffer:
         """Surface point, normals and albedo of every covered pixel."""
-        return from_faces(self.scene, self.faces(camera), self.albedo(camera), camera.eye)
+        return from_faces(self.scene, self.faces(camera), self.albedo(camera), camera.eye, self.roughness(camera))
 
     def albedo(self, camera: Camera) -> Float32[Array, "h w 3"]:
         """Linear RGB albedo of each pixel, as every method sees it."""
         self.render(self._albedo, self._albedo_draws, camera)
         return self.target.read()[..., :3]
+
+    def roughness(self, camera: Camera) -> Float32[Array, "h w"] | None:
+        """Roughness of each pixel, as every method sees it, below 0 where the file says nothing; None where nowhere."""
+        if not roughness.known(self.scene):
+            return None
+        texts = "albedo.glsl", "reflectance.frag.glsl", "roughness.frag.glsl"
+        program = self.program(
+            "".join(gl.shader(name) for name in texts),
+            gl.shader("reflectance.vert.glsl"),
+            AT_VERTEX="hand_on_reflectance()",
+            ROUGHNESS=1,
+        )
+        self.render(program, self.draws(program), camera)
+        return self.target.read()[..., 0]
 
 
 def _attributes(scene: Scene, atlas: Atlas) -> list[tuple[moderngl.Buffer, str, str]]:
@@ -120,6 +145,7 @@ def _attributes(scene: Scene, atlas: Atlas) -> list[tuple[moderngl.Buffer, str, 
         (_buffer(atlas.uv), "2f", "in_atlas_uv"),
         (_buffer(albedo_uv), "2f", "in_albedo_uv"),
         (_buffer(factor), "3f", "in_factor"),
+        (_buffer(roughness.at_vertices(scene)), "1f", "in_roughness"),
     ]
 
 
@@ -128,20 +154,25 @@ def _buffer(values: Float[Array, "*n"]) -> moderngl.Buffer:
 
 
 def _groups(scene: Scene) -> tuple[Int[Array, " f"], list[Group]]:
-    """Face order by albedo texture, and one group for each; parts without a texture share a white one."""
-    textures = {id(m.texture): m.texture for m in scene.materials if m.texture is not None}
-    images = [WHITE, *textures.values()]
-    number = {key: i + 1 for i, key in enumerate(textures)}
-    kind = np.array([0 if m.texture is None else number[id(m.texture)] for m in scene.materials])[scene.part]
+    """Face order by textures, and one group for each pair of them; parts without a texture share a white one."""
+    maps = [(m.texture, m.roughness_map) for m in scene.materials]
+    number: dict[tuple[int, int], int] = {(id(None), id(None)): 0}
+    kinds = [number.setdefault((id(albedo), id(rough)), len(number)) for albedo, rough in maps]
+    kind = np.array(kinds)[scene.part]
     order = np.argsort(kind, kind="stable")
+    uploaded = {id(None): _mipmapped(WHITE)}
     groups = []
     for value in np.unique(kind):
         faces = np.ascontiguousarray(scene.faces[order[kind[order] == value]], np.int32)
-        groups.append(Group(_mipmapped(images[value]), gl.context().buffer(faces.tobytes())))
+        albedo, rough = maps[kinds.index(value)]
+        for image in (albedo, rough):
+            if image is not None and id(image) not in uploaded:
+                uploaded[id(image)] = _mipmapped(image if image.ndim == 3 else image[..., None])
+        groups.append(Group(uploaded[id(albedo)], uploaded[id(rough)], gl.context().buffer(faces.tobytes())))
     return order, groups
 
 
-def _mipmapped(image: Float[Array, "h w 3"]) -> moderngl.Texture:
+def _mipmapped(image: Float[Array, "h w _"]) -> moderngl.Texture:
     made = gl.upload(image, half=True)
     made.build_mipmaps()
     made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)

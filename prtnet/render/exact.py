@@ -9,7 +9,7 @@ the n_k samples of all strategies (Veach and Guibas 1995, *Optimally Combining S
 R2 sequence (Roberts 2018) with a random shift per point and strategy.
 
 With bounces, paths go on at what the cosine and the lobe hit, where light and cosine are drawn once each (Kajiya 1986,
-*The Rendering Equation*, with next-event estimation). Hits reflect as `data.surface` says and are diffuse: only the
+*The Rendering Equation*, with next-event estimation). Hits reflect as `data.met` says and are diffuse: only the
 point that the eye sees has a lobe.
 """
 
@@ -23,9 +23,9 @@ from jaxtyping import Float32, Float64, Int
 
 from prtnet import PrtnetError
 from prtnet.data.light_sampler import Sampler
+from prtnet.data.met import Met, meet
 from prtnet.data.samples import R2_STEP
 from prtnet.data.scene import Scene
-from prtnet.data.surface import Met, meet
 from prtnet.data.tracer import Tracer
 from prtnet.render.gbuffer import GBuffer
 from prtnet.render.material import Material, mirrored

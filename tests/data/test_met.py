@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from prtnet.data.surface import meet
+from prtnet.data.met import meet
 from prtnet.data.tracer import Tracer
 from tests.render.meshes import bilinear, quad, scene
 

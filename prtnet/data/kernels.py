@@ -23,7 +23,7 @@ LANES = 8  # SH rows are summed in blocks of this many, so that the inner loop h
 
 @intrinsic
 def call_query(typing_context, function, valid, scene, rays, options):
-    """void rtcOccludedW(const int* valid, RTCScene, RTCRayW*, RTCOccludedArguments*) at an address; or rtcIntersectW."""
+    """void rtcOccludedW or rtcIntersectW(const int* valid, RTCScene, RTCRayW*, RTC...Arguments*) at an address."""
     signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
 
     def generate(context, builder, signature, arguments):
@@ -187,13 +187,13 @@ def closest_kernel(width: int):
 def bounce_kernel(width: int):
     """The kernel that sums what the surfaces that a point sees send back, weighted by direction.
 
-    With `rows` (as many as directions) every row is multiplied with what comes from its direction, in colour-major
-    order: the sum is SH of incoming radiance, in the point's own frame. With a single row of ones it is a plain sum.
+    Every direction has a row: with its weight alone the sum is irradiance, with its weighted SH it is the SH of
+    incoming radiance times the cosine, in the point's own frame.
     """
 
     @njit(nogil=True, cache=True)
     def bounce(
-        function, scene, options, rays, valid, origins, frames, directions, weights,
+        function, scene, options, rays, valid, origins, frames, directions,
         corners, behind, place, texels, values, rows, out,
     ):  # fmt: skip
         words, channels, harmonics = rays.view(np.int32), values.shape[1], rows.shape[1]
@@ -217,7 +217,7 @@ def bounce_kernel(width: int):
                     ray = j * width + q
                     if harmonics == 1:
                         for c in range(channels):
-                            total[c] += weights[ray] * values[texel, c]
+                            total[c] += rows[ray, 0] * values[texel, c]
                     else:
                         for c in range(channels):
                             for k in range(harmonics):

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int32
+from jaxtyping import Bool, Float, Float32, Float64, Int32
 
 from prtnet import PrtnetError, sh
 from prtnet.data import directions as sets
@@ -17,6 +17,7 @@ from prtnet.data.directions import QUARTER, Table
 from prtnet.data.embree import EmbreeUnavailable, PacketScene
 from prtnet.data.samples import morton_order
 from prtnet.data.scene import Scene
+from prtnet.data.surface import Surface
 
 log = logging.getLogger(__name__)
 
@@ -91,7 +92,7 @@ class Tracer:
     def hits(
         self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Int32[np.ndarray, " n"], Float32[np.ndarray, "n 2"], Float32[np.ndarray, " n"]]:
-        """What rays hit first: face of the scene (-1: nothing), barycentric (u, v), distance in unit lengths (infinite).
+        """What rays hit first: face of the scene (-1: nothing), barycentric (u, v), distance in unit lengths or inf.
 
         The point hit is (1 - u - v) a + u b + v c. Origins in unit coordinates, as `origins` gives them; directions of
         unit length.
@@ -139,6 +140,63 @@ class Tracer:
             scene.function, scene.address, scene.options, rays, valid, origins, frames, turns, *packed, *table.flip, out
         )
         return out
+
+    def bounced(
+        self,
+        origins: Float[np.ndarray, "n 3"],
+        turns: Float[np.ndarray, "n 6"],
+        local: Float32[np.ndarray, "m 3"],
+        rows: Float32[np.ndarray, "m h"],
+        surface: Surface,
+        values: Float32[np.ndarray, "t c"],
+    ) -> Float64[np.ndarray, "n c h"]:
+        """Sum over the directions that hit something of values there times the direction's row, in each point's frame.
+
+        `local` is a direction set, `rows` its weights or its weighted SH, `values` what the rows of `surface` send.
+        Every point is computed by itself. Safe to call from several threads.
+        """
+        frames = sets.frames(turns)
+        if isinstance(self._scene, PacketScene):
+            return self._bounced_fused(self._scene, origins, frames, local, rows, surface, values)
+        start, towards = rays(origins, frames, local)
+        found = self._scene.run(start, towards, query="INTERSECT", output=True)
+        front = np.einsum("ni,ni->n", towards, found["Ng"]) < 0
+        texel = surface.rows(found["primID"], np.stack([found["u"], found["v"]], axis=1), front)
+        sent = np.where(texel[:, None] < 0, 0, values[texel]).reshape(len(origins), len(local), -1)
+        return np.einsum("nmc,mh->nch", sent.astype(np.float64), rows.astype(np.float64))
+
+    def _bounced_fused(
+        self,
+        scene: PacketScene,
+        origins: np.ndarray,
+        frames: np.ndarray,
+        local: np.ndarray,
+        rows: np.ndarray,
+        surface: Surface,
+        values: np.ndarray,
+    ) -> np.ndarray:
+        from prtnet.data import kernels
+
+        out = np.empty((len(origins), values.shape[1] * rows.shape[1]))
+        rays, valid = kernels.packet(scene.width)
+        bounce = kernels.bounce_kernel(scene.width)
+        packets = np.ascontiguousarray(local.reshape(-1, scene.width, 3).transpose(0, 2, 1))
+        found = surface.corners, surface.behind, surface.place, surface.texels
+        bounce(
+            scene.closest,
+            scene.address,
+            scene.options,
+            rays,
+            valid,
+            origins,
+            frames,
+            packets,
+            *found,
+            values,
+            rows,
+            out,
+        )
+        return out.reshape(len(origins), values.shape[1], rows.shape[1])
 
     def measure(
         self,

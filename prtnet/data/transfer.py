@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError
 from prtnet.data import directions as sets
 from prtnet.data.directions import Table
 from prtnet.data.samples import morton_order
-from prtnet.data.tracer import Tracer
+from prtnet.data.surface import Surface
+from prtnet.data.tracer import Tracer, to_world
 
 log = logging.getLogger(__name__)
 
@@ -45,20 +46,104 @@ def bake(
     depend on rng, its own row and its place in the input, not on threads or on other points. `progress` gets the
     number of points done.
     """
+    table = Table(*sets.local_set(kind, directions, rng), bands)
+    out = np.empty((len(positions), bands * bands), np.float32)
+
+    def gather(index: np.ndarray, origins: np.ndarray, turns: np.ndarray) -> None:
+        out[index] = tracer.gather(origins, turns, table)
+
+    _over_points(tracer, positions, normals, geometric_normals, len(table.directions), rng, gather, progress, threads)
+    return out
+
+
+def bounce(
+    tracer: Tracer,
+    positions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    surface: Surface,
+    sent: Float32[np.ndarray, "t k 3"],
+    *,
+    directions: int = 512,
+    rng: np.random.Generator,
+    geometric_normals: Float[np.ndarray, "n 3"] | None = None,
+    kind: str = "cosine_fibonacci",
+    progress: Callable[[int], None] | None = None,
+    threads: int | None = None,
+) -> Float32[np.ndarray, "n k 3"]:
+    """One diffuse bounce: t^b_i(p) = integral of (1 - V) max(0, n.w) albedo(q) / pi t^(b-1)_i(q) dw, q the point hit.
+
+    Sloan, Kautz and Snyder 2002, section 5. `sent` is albedo / pi t^(b-1) at the rows of `surface`
+    (`surface.outgoing`): responses to the light's coefficients, not functions of direction, so they never turn and
+    never enter a triple product. The receiver's albedo is not in it. Other arguments as for `bake`.
+    """
+    local, weights = sets.local_set(kind, directions, rng)
+    aims, rows = local.astype(np.float32), weights.astype(np.float32)[:, None]
+    values = np.ascontiguousarray(sent.reshape(len(sent), -1), np.float32)
+    out = np.empty((len(positions), values.shape[1]), np.float32)
+
+    def gather(index: np.ndarray, origins: np.ndarray, turns: np.ndarray) -> None:
+        out[index] = tracer.bounced(origins, turns, aims, rows, surface, values)[..., 0]
+
+    _over_points(tracer, positions, normals, geometric_normals, len(aims), rng, gather, progress, threads)
+    return out.reshape(len(positions), *sent.shape[1:])
+
+
+def incident(
+    tracer: Tracer,
+    positions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    surface: Surface,
+    sent: Float32[np.ndarray, "t 3"],
+    *,
+    bands: int = 5,
+    directions: int = 512,
+    rng: np.random.Generator,
+    geometric_normals: Float[np.ndarray, "n 3"] | None = None,
+    kind: str = "cosine_fibonacci",
+    progress: Callable[[int], None] | None = None,
+    threads: int | None = None,
+) -> Float32[np.ndarray, "n k 3"]:
+    """Light from other surfaces, J_k(p) = integral of (1 - V) B(q) max(0, n.w) Y_k(w) dw, on world axes.
+
+    Dhawal, Aakash KT and Narayanan 2022, *PRTT*: under one fixed light of which `sent` is the radiance B at the rows
+    of `surface`, the same in all directions. A function of direction, so gloss can look at it. sqrt(4 pi) J_0 is the
+    irradiance. Other arguments as for `bake`.
+    """
+    table = Table(*sets.local_set(kind, directions, rng), bands)
+    out = np.empty((len(positions), bands * bands, 3), np.float32)
+
+    def gather(index: np.ndarray, origins: np.ndarray, turns: np.ndarray) -> None:
+        seen = tracer.bounced(origins, turns, table.directions, table.rows, surface, sent)
+        for colour in range(3):
+            out[index, :, colour] = to_world(seen[:, colour], turns)
+
+    _over_points(tracer, positions, normals, geometric_normals, len(table.directions), rng, gather, progress, threads)
+    return out
+
+
+def _over_points(
+    tracer: Tracer,
+    positions: np.ndarray,
+    normals: np.ndarray,
+    geometric_normals: np.ndarray | None,
+    directions: int,
+    rng: np.random.Generator,
+    gather: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
+    progress: Callable[[int], None] | None,
+    threads: int | None,
+) -> None:
+    """gather(index, origins, turns) for chunks of neighbouring points, in threads, with progress."""
     sides = normals if geometric_normals is None else geometric_normals
     _check(positions, normals, sides)
-    table = Table(*sets.local_set(kind, directions, rng), bands)
     azimuth = rng.random(len(positions)) * 2 * np.pi
-    out = np.empty((len(positions), bands * bands), np.float32)
     if not len(positions):
-        return out
+        return
 
     def work(index: np.ndarray) -> int:
-        turns = sets.turns(normals[index], azimuth[index])
-        out[index] = tracer.gather(tracer.origins(positions[index], sides[index]), turns, table)
+        gather(index, tracer.origins(positions[index], sides[index]), sets.turns(normals[index], azimuth[index]))
         return len(index)
 
-    rays = len(positions) * len(table.directions)
+    rays = len(positions) * directions
     count = min(len(positions), -(-rays // CHUNK_RAYS))
     chunks = np.array_split(morton_order(tracer.frame.to_unit(positions)), count)
     started = spoken = time.perf_counter()
@@ -69,10 +154,9 @@ def bake(
             progress(done)
         if time.perf_counter() - spoken > LOG_SECONDS:
             spoken = time.perf_counter()
-            _log(tracer.kind, done, len(positions), len(table.directions), spoken - started)
-    _log(tracer.kind, done, len(positions), len(table.directions), time.perf_counter() - started)
+            _log(tracer.kind, done, len(positions), directions, spoken - started)
+    _log(tracer.kind, done, len(positions), directions, time.perf_counter() - started)
     tracer.rays_traced += rays
-    return out
 
 
 def _check(positions: np.ndarray, normals: np.ndarray, sides: np.ndarray) -> None:

@@ -81,6 +81,8 @@ class RenderOptions:
     size: int = 256  # pixels along one side
     views: int = 8  # uniform on the scene's camera path
     traced_directions: int = 4096  # rays per pixel of the reference
+    exact_samples: int = 0  # directions per pixel of a second reference without SH; 0 = none
+    exact_views: int = 2  # that have one
 
 
 @dataclass

@@ -123,6 +123,8 @@ def _check(config: Config) -> None:
         "render.size": 16,
         "render.views": 1,
         "render.traced_directions": 1,
+        "render.exact_samples": 0,
+        "render.exact_views": 1,
     }
     values = asdict(config)
     for key, minimum in least.items():

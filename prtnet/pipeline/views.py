@@ -26,6 +26,7 @@ class View:
     gbuffer: GBuffer
     covered: Bool[Array, "h w"]
     reference: Image
+    exact: Image | None = None  # without SH, where there is one
 
 
 def views_of(job: Job, drawing: Raster, coefficients: Array) -> list[View]:

@@ -18,6 +18,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
+from prtnet.render.display import Display
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
 
@@ -53,6 +54,10 @@ class Job:
         return _material(self.config)
 
     @property
+    def display(self) -> Display:
+        return _display(self.config)
+
+    @property
     def light_name(self) -> str:
         return self.light.name
 
@@ -65,6 +70,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
     _check(config)
     chosen = _light(config.light)
+    _display(config).check(chosen)
     loaded = _load(config)
     vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
     base = Path(config.out or f"runs/{loaded.name}")
@@ -91,6 +97,11 @@ def _material(config: Config) -> Material:
     return made
 
 
+def _display(config: Config) -> Display:
+    options = config.render
+    return Display(options.tone, options.bloom, options.highlights)
+
+
 def _light(options: LightOptions) -> Light:
     found = light.from_file(options.path, options.mapping) if options.path else light.by_name(options.name, options)
     return light.adjust(found, rotation=options.rotation, window=options.window, window_size=options.window_size)
@@ -104,6 +115,7 @@ def _check(config: Config) -> None:
         raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     recipe.check(config.train)
     _material(config)
+    _display(config)
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")

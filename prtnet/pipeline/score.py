@@ -27,6 +27,7 @@ Image = Float[Array, "h w 3"]
 
 SHOWN_VIEWS = 8  # kept for the contact sheet
 TIMED_FRAMES = 7
+SHOWN_ONLY = ("tone", "bloom", "highlights", "pictures")  # keys of `render` that no score depends on
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "shader": exported.shader,
         "light": coefficients.tolist(),
         "material": asdict(job.material),
-        "render": asdict(job.config.render),
+        "render": {key: value for key, value in asdict(job.config.render).items() if key not in SHOWN_ONLY},
         "camera": job.config.scene.camera,
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
     }

@@ -29,11 +29,11 @@ class View:
     exact: Image | None = None  # without SH, where there is one
 
 
-def views_of(job: Job, drawing: Raster, coefficients: Array) -> list[View]:
-    """The cameras of the scene's path with their references."""
+def views_of(job: Job, drawing: Raster, coefficients: Array, *, most: int | None = None) -> list[View]:
+    """The cameras of the scene's path with their references; the first `most` of them."""
     path = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
     found = []
-    for index, eye in enumerate(path):
+    for index, eye in enumerate(path[:most]):
         gbuffer = drawing.gbuffer(eye)
         title = f"traced view {index + 1} of {len(path)}"
         baked = traced_view(job, title, eye, gbuffer, announce=0 if index else len(path))

@@ -51,6 +51,8 @@ class TransferOptions:
     bands: int = 5  # SH bands; 5 -> 25 coefficients, 4 -> 16
     directions: int = 512  # rays per point
     kind: str = "cosine_fibonacci"  # or uniform, stratified, random
+    transport: str = "shadowed"  # unshadowed = the cosine lobe of the normal; interreflected = and bounces
+    bounces: int = 1  # diffuse ones, where transport=interreflected
     tracer: str = "auto"  # fused, embreex, or auto = fused where it can be had, said in the log
 
 
@@ -71,7 +73,6 @@ class AtlasOptions:
 
 @dataclass
 class VertexOptions:
-    kind: str = "shadowed"  # ray-traced, or unshadowed = the cosine lobe of the normal
     subdivide: list[str] = field(default_factory=list)  # names of parts whose triangles are cut, the ground, say
     level: int = 4  # of these cuts: each makes 4 triangles of one
 

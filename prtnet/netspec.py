@@ -6,6 +6,9 @@ A net maps a surface point and its normal to the SH coefficients of its transfer
     h = activation(W_i h + b_i)         for each hidden layer, from h = x
     t = output_scale * output(W h + b)  + cosine_lobe(n) where `residual`
 
+With 4 `groups` it maps to as many transfers, one after the other: direct, and with light from other surfaces in red,
+green and blue; each has its own residual.
+
 The file (docs/net-format.md) is safetensors with one JSON descriptor in its metadata.
 """
 
@@ -45,6 +48,7 @@ class NetSpec:
     output_scale: float = math.pi
     residual: bool = False
     bands: int = 5
+    groups: int = 1  # of coefficients
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # float64, in the file's units
     scale: float = 1.0
     name: str = "net"
@@ -62,13 +66,16 @@ class NetSpec:
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise PrtnetError("net weights: found NaN or infinity, expected finite numbers; train it again")
             inputs = len(bias)
-        if inputs != sh.count(self.bands):
-            raise PrtnetError(f"net outputs: found {inputs}, expected {sh.count(self.bands)} for {self.bands} bands")
+        _one_of("groups", self.groups, (1, 4))
+        expected = self.groups * sh.count(self.bands)
+        if inputs != expected:
+            words = f"{self.bands} bands" + (f" in {self.groups} groups" if self.groups > 1 else "")
+            raise PrtnetError(f"net outputs: found {inputs}, expected {expected} for {words}")
 
 
-def _one_of(field: str, found: str, expected: tuple[str, ...]) -> None:
+def _one_of(field: str, found: str | int, expected: tuple[str, ...] | tuple[int, ...]) -> None:
     if found not in expected:
-        raise PrtnetError(f"net {field}: found {found!r}, expected one of {', '.join(expected)}")
+        raise PrtnetError(f"net {field}: found {found!r}, expected one of {', '.join(map(str, expected))}")
 
 
 def encoded_size(position_frequencies: int, normal_frequencies: int) -> int:
@@ -111,18 +118,18 @@ def _sigmoid(x: Array) -> Array:
     return 0.5 + 0.5 * np.tanh(0.5 * x)
 
 
-def evaluate(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n k"]:
+def evaluate(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
     """Transfer at points in file coordinates, with unit normals, in the type of `positions`."""
     unit = (np.asarray(positions, np.float64) - np.asarray(net.centre)) * net.scale
     return evaluate_unit(net, unit, normals).astype(np.result_type(positions, np.float32), copy=False)
 
 
-def evaluate_unit(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n k"]:
+def evaluate_unit(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
     """Transfer at centred positions in [-1, 1]^3.
 
     Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64.
     """
-    out = np.empty((len(positions), sh.count(net.bands)), np.float64)
+    out = np.empty((len(positions), net.groups * sh.count(net.bands)), np.float64)
     for start in range(0, len(positions), _CHUNK):
         part = slice(start, start + _CHUNK)
         out[part] = _evaluate_chunk(net, _rounded(positions[part]), _rounded(normals[part]))
@@ -144,7 +151,7 @@ def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
         elif net.output == "tanh":
             h = np.tanh(h)
     h = net.output_scale * h
-    return h + sh.cosine_lobe(normals, net.bands) if net.residual else h
+    return h + np.tile(sh.cosine_lobe(normals, net.bands), net.groups) if net.residual else h
 
 
 def macs(net: NetSpec) -> int:

@@ -15,12 +15,14 @@ def random_net(
     position_frequencies: int = 3,
     normal_frequencies: int = 2,
     bands: int = 5,
+    groups: int = 1,
     seed: int = 0,
     **fields: object,
 ) -> NetSpec:
     """He-scaled weights: values keep their size through the layers, as in a trained net."""
     rng = np.random.default_rng(seed)
-    sizes = [netspec.encoded_size(position_frequencies, normal_frequencies), *[width] * depth, sh.count(bands)]
+    inputs = netspec.encoded_size(position_frequencies, normal_frequencies)
+    sizes = [inputs, *[width] * depth, groups * sh.count(bands)]
     weights = tuple(
         (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
         for columns, rows in pairwise(sizes)
@@ -32,6 +34,7 @@ def random_net(
         position_frequencies=position_frequencies,
         normal_frequencies=normal_frequencies,
         bands=bands,
+        groups=groups,
         **fields,  # pyright: ignore[reportArgumentType]
     )
 

@@ -22,6 +22,8 @@ from prtnet.data.tracer import Tracer, to_world
 
 log = logging.getLogger(__name__)
 
+# the cosine lobe of the normal, no rays; what is seen of the light; and what comes from other surfaces besides
+TRANSPORTS = ("unshadowed", "shadowed", "interreflected")
 CHUNK_RAYS = 1 << 19  # a few tens of milliseconds: threads stay busy to the end and Ctrl-C is quick
 LOG_SECONDS = 10.0
 

@@ -9,17 +9,15 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int
+from jaxtyping import Bool, Float, Float64, Int
 
-from prtnet import PrtnetError, sh
+from prtnet import PrtnetError
 from prtnet.data.normals import corner_angles, unit
 from prtnet.data.samples import Samples, at_barycentric
 from prtnet.data.scene import Scene
 
 Array = np.ndarray
 
-# unshadowed: the cosine lobe of the normal, no rays; shadowed: ray-traced
-KINDS = ("unshadowed", "shadowed")
 # images name faces by float32 numbers (`Raster.faces`), which are whole up to here
 MOST_FACES = (1 << 24) - 1
 # of the scene's diagonal: how far rays start off a surface (the tracer's own offset), and from its border
@@ -147,11 +145,6 @@ def _vertex_mean(
     """The weighted mean over the corners at each vertex."""
     sums = np.stack([np.bincount(corner, weights * vectors[:, axis], count) for axis in range(3)], axis=1)
     return sums / np.maximum(np.bincount(corner, weights, count), 1e-30)[:, None]
-
-
-def unshadowed(drawn: Scene, bands: int) -> Float32[Array, "v k"]:
-    """The transfer of vertices that nothing occludes: the SH cosine lobe of their normals."""
-    return sh.cosine_lobe(drawn.normals, bands)
 
 
 def interpolate(

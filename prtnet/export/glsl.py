@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from prtnet import PrtnetError, netspec, sh
 from prtnet.export.spelling import grouped, number, quads, vector, zonal_harmonics
@@ -88,13 +89,14 @@ def validate(source: str) -> str | None:
 
 
 def vectors(net: NetSpec) -> int:
-    """Number of vec4 outputs of `prt_transfer`."""
-    return quads(sh.count(net.bands))
+    """Number of vec4 outputs of `prt_transfer`: each group of coefficients is padded to whole ones."""
+    return net.groups * quads(sh.count(net.bands))
 
 
 def padded_macs(net: NetSpec) -> int:
     """Multiply-adds of the layers with every size rounded up to a multiple of 4, as the mat4 form computes them."""
-    return sum(16 * quads(weight.shape[0]) * quads(weight.shape[1]) for weight in net.weights)
+    rows = [quads(weight.shape[0]) for weight in net.weights[:-1]] + [vectors(net)]
+    return sum(16 * row * quads(weight.shape[1]) for row, weight in zip(rows, net.weights, strict=True))
 
 
 def _check(net: NetSpec, version: str, storage: str) -> None:
@@ -117,7 +119,15 @@ def _header(net: NetSpec) -> str:
 // {sizes}, {netspec.macs(net)} multiply-adds
 // t: SH coefficients of V max(0, n.w) over the world, {net.bands} bands, index l*l + l + m, Y_1 = sqrt(3/4pi) (y, z, x)
 // position = (file position - ({centre})) * {float(net.scale)!r}, computed in float64; normal: unit, in world space
-// diffuse radiance = albedo / pi * sum_i t_i L_i with L_i the coefficients of the light"""
+// diffuse radiance = albedo / pi * sum_i t_i L_i with L_i the coefficients of the light{_groups(net)}"""
+
+
+def _groups(net: NetSpec) -> str:
+    if net.groups == 1:
+        return ""
+    each = quads(sh.count(net.bands))
+    names = ", ".join(f"{word} t{group * each}" for group, word in enumerate(("direct", "red", "green", "blue")))
+    return f"\n// with light from other surfaces: four groups of {each} vectors, beginning at {names}"
 
 
 def _outputs(net: NetSpec) -> str:
@@ -165,7 +175,7 @@ def _body(net: NetSpec) -> Iterator[str]:
     if net.residual:
         lobe: list[str] = []
         yield from zonal_harmonics("normal", sh.cosine_zonal(net.bands), lobe)
-        result = [f"{name} + {group}" for name, group in zip(result, grouped(lobe), strict=True)]
+        result = [f"{name} + {group}" for name, group in zip(result, net.groups * grouped(lobe), strict=True)]
     for i, expression in enumerate(result):
         yield f"t{i} = {expression};"
 
@@ -183,17 +193,24 @@ def _encoding(vector: str, frequencies: int, names: list[str]) -> Iterator[str]:
 
 def _layer(net: NetSpec, layer: int) -> Iterator[str]:
     weight, bias = net.weights[layer], net.biases[layer]
-    rows, columns = quads(weight.shape[0]), quads(weight.shape[1])
-    padded = np.zeros((4 * rows, 4 * columns), np.float32)
-    padded[: weight.shape[0], : weight.shape[1]] = weight
-    shift = np.zeros(4 * rows, np.float32)
-    shift[: len(bias)] = bias
+    groups = net.groups if layer == len(net.weights) - 1 else 1
+    each, columns = quads(weight.shape[0] // groups), quads(weight.shape[1])
+    rows = groups * each
+    row = _padded_rows(len(bias) // groups, groups)
+    padded, shift = np.zeros((4 * rows, 4 * columns), np.float32), np.zeros(4 * rows, np.float32)
+    padded[row, : weight.shape[1]] = weight
+    shift[row] = bias
     for row in range(rows):
         terms = [vector("vec4", shift[4 * row : 4 * row + 4])]
         for column in range(columns):
             block = padded[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
             terms += [f"{vector('mat4', block.T.ravel())} * x{layer}_{column}"]
         yield f"vec4 x{layer + 1}_{row} = {_bent(net, layer, ' + '.join(terms))};"
+
+
+def _padded_rows(size: int, groups: int) -> Int[np.ndarray, " n"]:
+    """Where groups of `size` rows stand when each begins with a vec4 of its own."""
+    return (np.arange(size) + 4 * quads(size) * np.arange(groups)[:, None]).ravel()
 
 
 def _bent(net: NetSpec, layer: int, expression: str) -> str:

@@ -1,8 +1,8 @@
 """Transfer at vertices as GLB: the mesh with its materials, and the coefficients as vertex attributes of their own.
 
 glTF 2.0 (Khronos 2021): attributes that an application defines begin with an underscore, and none is wider than a
-vec4, so k coefficients stand in ceil(k / 4) of them, `_PRT_0`, `_PRT_1`, ..., the last one padded with 0; transfer per
-colour in `_PRT_R_0`, `_PRT_G_0`, `_PRT_B_0`, ... (docs/gltf-transfer.md).
+vec4, so k coefficients stand in ceil(k / 4) of them, `_PRT_0`, `_PRT_1`, ..., the last one padded with 0; with bounces
+transfer per colour follows in `_PRT_R_0`, ..., `_PRT_G_0`, ..., `_PRT_B_0`, ... (docs/gltf-transfer.md).
 """
 
 import io
@@ -29,36 +29,34 @@ CONVENTION = (
     "t_i = integral of V(p, w) max(0, n.w) Y_i(w) dw over steradians, no albedo, no 1/pi; real orthonormal spherical "
     "harmonics on world x, y, z without Condon-Shortley phase, i = l*l + l + m, Y_1 = sqrt(3/4pi) (y, z, x)"
 )
-CHANNELS = {1: ("",), 3: ("R_", "G_", "B_")}
+GROUPS = {1: ("",), 4: ("", "R_", "G_", "B_")}
 # numbers of the standard: component types, buffer targets, chunk types
 FLOAT, UNSIGNED_INT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 
 
-def attributes(transfer: Float[Array, "v k"] | Float[Array, "v k 3"]) -> dict[str, Float32[Array, "v 4"]]:
-    """Vertex attributes by name. Inverse: `transfer_of`."""
-    stacked = transfer[:, :, None] if transfer.ndim == 2 else transfer
-    count = -(-stacked.shape[1] // 4)
-    padded = np.zeros((len(stacked), 4 * count, stacked.shape[2]), np.float32)
-    padded[:, : stacked.shape[1]] = stacked
+def attributes(transfer: Float[Array, "v c"], groups: int = 1) -> dict[str, Float32[Array, "v 4"]]:
+    """Vertex attributes by name, of one group of coefficients or of four. Inverse: `transfer_of`."""
+    grouped = transfer.reshape(len(transfer), groups, -1)
+    count = -(-grouped.shape[2] // 4)
+    padded = np.zeros((len(transfer), groups, 4 * count), np.float32)
+    padded[:, :, : grouped.shape[2]] = grouped
     return {
-        f"_PRT_{letter}{index}": np.ascontiguousarray(padded[:, 4 * index : 4 * index + 4, channel])
-        for channel, letter in enumerate(CHANNELS[stacked.shape[2]])
+        f"_PRT_{letter}{index}": np.ascontiguousarray(padded[:, group, 4 * index : 4 * index + 4])
+        for group, letter in enumerate(GROUPS[groups])
         for index in range(count)
     }
 
 
-def transfer_of(
-    found: Mapping[str, Array], bands: int, channels: int
-) -> Float32[Array, "v k"] | Float32[Array, "v k 3"]:
+def transfer_of(found: Mapping[str, Array], bands: int, groups: int = 1) -> Float32[Array, "v c"]:
     """Inverse of `attributes`. Raises KeyError with the name of an attribute that is not there."""
-    count = -(-sh.count(bands) // 4)
-    stacked = [
-        np.concatenate([found[f"_PRT_{letter}{index}"] for index in range(count)], axis=1)[:, : sh.count(bands)]
-        for letter in CHANNELS[channels]
+    count = sh.count(bands)
+    parts = [
+        np.concatenate([found[f"_PRT_{letter}{index}"] for index in range(-(-count // 4))], axis=1)[:, :count]
+        for letter in GROUPS[groups]
     ]
-    return stacked[0] if channels == 1 else np.stack(stacked, axis=-1)
+    return np.concatenate(parts, axis=1)
 
 
 def write(path: Path, file: VertexFile, mesh: Scene) -> None:
@@ -67,7 +65,7 @@ def write(path: Path, file: VertexFile, mesh: Scene) -> None:
     Faces come grouped by part, a primitive each; all share the vertices. Inverse: `read`.
     """
     binary = _Binary()
-    content = {"POSITION": file.positions, "NORMAL": file.normals} | attributes(file.transfer)
+    content = {"POSITION": file.positions, "NORMAL": file.normals} | attributes(file.transfer, file.groups)
     textured = mesh.uv is not None and any(material.texture is not None for material in mesh.materials)
     if textured and mesh.uv is not None:
         # glTF's v points down
@@ -82,8 +80,7 @@ def write(path: Path, file: VertexFile, mesh: Scene) -> None:
         for part in range(len(file.parts))
         if (file.part == part).any()
     ]
-    channels = 1 if file.transfer.ndim == 2 else 3
-    about = {"format": FORMAT, "bands": file.bands, "channels": channels, "kind": file.kind, "convention": CONVENTION}
+    about = {"format": FORMAT, "bands": file.bands, "groups": file.groups, "kind": file.kind, "convention": CONVENTION}
     header: Json = {
         "asset": {"version": "2.0", "generator": "prtnet"},
         "scene": 0,
@@ -179,7 +176,7 @@ def read(path: Path) -> VertexFile:
             normals=content["NORMAL"],
             faces=np.concatenate(faces).astype(np.int32),
             part=np.repeat(np.array(parts, np.int32), [len(each) for each in faces]),
-            transfer=transfer_of(content, about["bands"], about["channels"]),
+            transfer=transfer_of(content, about["bands"], about["groups"]),
             centre=np.array(node["translation"], np.float64),
             parts=tuple(material["name"] for material in header["materials"]),
             kind=about["kind"],

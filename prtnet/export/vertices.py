@@ -30,19 +30,25 @@ class VertexFile:
     faces: Int32[Array, "f 3"]
     # index into `parts`
     part: Int32[Array, " f"]
-    transfer: Float32[Array, "v k"]
+    # groups of SH coefficients
+    transfer: Float32[Array, "v c"]
     centre: Float64[Array, " 3"]
     parts: tuple[str, ...]
-    # unshadowed or shadowed
+    # unshadowed, shadowed or interreflected
     kind: str
     name: str
 
     @property
     def bands(self) -> int:
-        return sh.bands_of(self.transfer.shape[1])
+        return sh.bands_of(self.transfer.shape[1] // self.groups)
+
+    @property
+    def groups(self) -> int:
+        """4 with bounces: direct, and direct with bounces in red, green, blue; else 1."""
+        return 4 if self.kind == "interreflected" else 1
 
 
-def of_mesh(unit_mesh: Scene, frame: Frame, transfer: Float[Array, "v k"], kind: str) -> VertexFile:
+def of_mesh(unit_mesh: Scene, frame: Frame, transfer: Float[Array, "v c"], kind: str) -> VertexFile:
     """The file of a mesh in unit coordinates; `frame` leads back to those of its scene's file."""
     return VertexFile(
         # float32 keeps the distance to the centre, however far from the origin that is

@@ -6,6 +6,7 @@ and no residual. With the residual the layers learn only what occlusion takes aw
 
 import math
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -22,16 +23,18 @@ SCALE = math.pi  # the network predicts t / SCALE, which lies within tanh's reac
 class Mlp(nn.Module):
     """Predicts t / pi, without the residual's analytic lobe, which callers take off the targets (`unlearned`)."""
 
-    def __init__(self, model: ModelOptions, head: TrainOptions, bands: int, generator: torch.Generator) -> None:
+    def __init__(
+        self, model: ModelOptions, head: TrainOptions, bands: int, generator: torch.Generator, groups: int = 1
+    ) -> None:
         super().__init__()
-        self.head, self.bands = head, bands
+        self.head, self.bands, self.groups = head, bands, groups
         inputs = encoded_size(head.position_frequencies, head.normal_frequencies)
-        sizes = [inputs, *[model.width] * model.depth, sh.count(bands)]
+        sizes = [inputs, *[model.width] * model.depth, groups * sh.count(bands)]
         pairs = list(zip(sizes[1:], sizes, strict=False))
         self.weights = nn.ParameterList(_uniform((rows, columns), columns, generator) for rows, columns in pairs)
         self.biases = nn.ParameterList(_uniform((rows,), columns, generator) for rows, columns in pairs)
 
-    def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n k"]:
+    def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
         head = self.head
         h = torch.cat([encode(positions, head.position_frequencies), encode(normals, head.normal_frequencies)], 1)
         weights, biases = self._carried()
@@ -61,12 +64,13 @@ class Mlp(nn.Module):
             return functional.silu(x)
         return functional.gelu(x, approximate="tanh")
 
-    def unlearned(self, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n k"]:
+    def unlearned(self, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
         """The part of t / pi that is not learned: the unoccluded lobe of a residual head, else 0."""
         if not self.head.residual:
-            return torch.zeros(len(normals), sh.count(self.bands), dtype=normals.dtype, device=normals.device)
+            outputs = self.groups * sh.count(self.bands)
+            return torch.zeros(len(normals), outputs, dtype=normals.dtype, device=normals.device)
         lobe = sh.cosine_lobe(normals.cpu().numpy(), self.bands) / SCALE
-        return torch.from_numpy(lobe).to(normals)
+        return torch.from_numpy(np.tile(lobe, self.groups)).to(normals)
 
     def spec(
         self,
@@ -93,6 +97,7 @@ class Mlp(nn.Module):
             output_scale=SCALE,
             residual=head.residual,
             bands=self.bands,
+            groups=self.groups,
             centre=centre,
             scale=scale,
             name=name,

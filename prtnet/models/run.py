@@ -26,7 +26,8 @@ class Points:
 
     positions: Float[Array, "n 3"]
     normals: Float[Array, "n 3"]
-    transfer: Float[Array, "n k"]
+    transfer: Float[Array, "n c"]
+    groups: int = 1  # of SH coefficients in the transfer
 
 
 class Run:
@@ -38,12 +39,14 @@ class Run:
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
         self.bfloat16 = options.precision == "bfloat16" or (options.precision == "auto" and fast_bfloat16(self.device))
-        bands = sh.bands_of(points.transfer.shape[1])
-        self.net = Mlp(model, options, bands, torch.Generator().manual_seed(options.seed)).to(self.device)
+        bands = sh.bands_of(points.transfer.shape[1] // points.groups)
+        generator = torch.Generator().manual_seed(options.seed)
+        self.net = Mlp(model, options, bands, generator, points.groups).to(self.device)
         self.optimisers = optimiser.make(self.net, options)
         self.average = [parameter.detach().clone() for parameter in self.net.parameters()] if options.average else []
         weighted = options.band_falloff != 0
-        self.band_weights = loss.band_weights(bands, options.band_falloff).to(self.device) if weighted else None
+        weights = loss.band_weights(bands, options.band_falloff).repeat(points.groups).to(self.device)
+        self.band_weights = weights if weighted else None
         self.table = self._table(points)
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)

@@ -174,7 +174,7 @@ def _some(points: Points | None) -> Points | None:
     if points is None:
         return None
     every = slice(None, None, max(1, len(points.transfer) // 4096))
-    return Points(points.positions[every], points.normals[every], points.transfer[every])
+    return Points(points.positions[every], points.normals[every], points.transfer[every], points.groups)
 
 
 def _rmse(net: NetSpec, points: Points) -> Float[Array, " k"]:

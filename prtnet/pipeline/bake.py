@@ -9,20 +9,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from prtnet import PrtnetError, console, sh
+from prtnet import PrtnetError
 from prtnet.data import atlas as atlases
-from prtnet.data import samples, texture, transfer, vertex
+from prtnet.data import samples, texture, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.transport import Radiosity, received, texels_and_radiosity
 from prtnet.render import camera
-from prtnet.store import Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
 
-SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
 CLEARANCE = 0.05  # in unit lengths (the scene is 2 long): less before a point than this and nobody looks at it
 TEST_DIRECTIONS = 4  # times the training rays: the test set's noise is then half the training set's
 
@@ -34,7 +33,8 @@ class PointSet:
     key: str
     positions: Float[Array, "n 3"]
     normals: Float[Array, "n 3"]
-    transfer: Float[Array, "n k"]
+    transfer: Float[Array, "n c"]
+    groups: int  # of SH coefficients in the transfer: see `pipeline.transport`
     facts: Mapping[str, Any]
 
 
@@ -44,8 +44,9 @@ class BakedTexture:
 
     key: str
     atlas: Atlas
-    image: Float[Array, "s s k"]  # dilated
+    image: Float[Array, "s s c"]  # dilated
     facts: Mapping[str, Any]
+    radiosity: Radiosity | None  # where there are bounces
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class BakedMesh:
 
     key: str
     mesh: Scene
-    transfer: Float[Array, "v k"]
+    transfer: Float[Array, "v c"]
     facts: Mapping[str, Any]
 
 
@@ -78,123 +79,49 @@ class Baked:
 
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
-    points = _net_points(job) if "net" in job.config.methods else None
-    return Baked(_texture(job), _mesh(job) if "vertex" in job.config.methods else None, points)
+    baked = _texture(job)
+    points = _net_points(job, baked.radiosity) if "net" in job.config.methods else None
+    return Baked(baked, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
 
 
-def _net_points(job: Job) -> NetPoints:
-    options = job.config.samples
+def _net_points(job: Job, radiosity: Radiosity | None) -> NetPoints:
+    options, rays = job.config.samples, job.config.transfer.directions
 
     def uniform(purpose: str, count: int) -> Samples:
         return samples.area_uniform(job.scene, count, job.rng(purpose), sequence=options.sequence)
 
-    def vertices() -> Samples:
-        found = samples.at_vertices(job.scene)
-        few = job.rng("vertices").permutation(len(found.face))[: options.test_count]
-        return samples.select(found, np.sort(few))
-
-    rays = job.config.transfer.directions
+    vertices = samples.at_vertices(job.scene)
+    few = job.rng("vertices").permutation(len(vertices.face))[: options.test_count]
+    tested = {"areas": uniform("areas", options.test_count), "vertices": samples.select(vertices, np.sort(few))}
     return NetPoints(
-        _point_set(job, "training", lambda: uniform("training", options.count), options.count, rays),
-        _point_set(
-            job, "areas", lambda: uniform("areas", options.test_count), options.test_count, rays * TEST_DIRECTIONS
+        _point_set(job, "training", uniform("training", options.count), options.count, rays, radiosity),
+        *(
+            _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, radiosity)
+            for purpose, points in tested.items()
         ),
-        _point_set(job, "vertices", vertices, options.test_count, rays * TEST_DIRECTIONS),
     )
 
 
-def traced(
-    job: Job,
-    stage: str,
-    inputs: Mapping[str, Any],
-    points: Samples,
-    directions: int,
-    *,
-    title: str | None = None,
-    salt: int = 0,
-    announce: int = 1,
-) -> Artifact:
-    """The transfer of points as an artifact {"transfer": "n k"}, shard by shard: a killed bake goes on where it was.
-
-    `inputs` must tell the points and the `salt` of their rays' rotations; what the transfer depends on besides is
-    added here. The estimate that is printed is for `announce` such bakes, 0 for none.
-    """
-    options, title = job.config.transfer, title or stage
-    inputs = dict(inputs) | {"bands": options.bands, "directions": directions, "kind": options.kind}
-    found = job.store.get(stage, inputs)
-    if found is not None:
-        return found
-    count = len(points.positions)
-    size = max(1, SHARD_RAYS // directions)
-    shards = max(1, -(-count // size))
-    if announce * count * directions > SHARD_RAYS // 4:
-        _estimate(job, title, points, directions, announce)
-    with console.progress(title, count, "points") as reach:
-
-        def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
-            first = shard * size
-            part = samples.select(points, np.arange(first, min(count, first + size)))
-            start = time.perf_counter()
-            # a generator per shard: its points' rotations do not depend on which shards this process bakes
-            rng = np.random.default_rng([job.config.seed, salt, shard])
-            values = _bake(job, part, directions, rng, lambda done: reach(first + done))
-            return {"transfer": values}, {"seconds": time.perf_counter() - start}
-
-        parts = job.store.make_shards(stage, inputs, shards, make)
-    seconds = sum(part.facts["seconds"] for part in parts)
-    whole = np.concatenate([part.arrays["transfer"] for part in parts])
-    artifact = job.store.make(stage, inputs, lambda: ({"transfer": whole}, {"seconds": seconds}))
-    job.store.drop_shards(stage, inputs)
-    rate = count * directions / max(seconds, 1e-9) / 1e6
-    log.info("%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate)
-    return artifact
-
-
-def _bake(job: Job, part: Samples, directions: int, rng: np.random.Generator, reach: Any) -> Array:
-    options = job.config.transfer
-    return transfer.bake(
-        job.tracer,
-        part.positions,
-        part.normals,
-        bands=options.bands,
-        directions=directions,
-        rng=rng,
-        geometric_normals=part.geometric_normals,
-        kind=options.kind,
-        progress=reach,
-        threads=job.config.threads,
-    )
-
-
-def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
-    threads = job.config.threads or transfer.cores()
-    rate = threads * job.tracer.measure(points.positions, points.normals)
-    count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
-    title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
-    title += f" at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
-    seconds = times * count * directions / rate
-    console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)
-
-
-def _point_set(job: Job, purpose: str, draw: Any, count: int, directions: int) -> PointSet:
+def _point_set(
+    job: Job, purpose: str, points: Samples, count: int, directions: int, radiosity: Radiosity | None
+) -> PointSet:
     """Points with transfer, less those that no light reaches and nobody sees."""
-    points = draw()
     inputs = job.scene_key | {"purpose": purpose, "count": count, "seed": job.config.seed}
     inputs["sequence"] = job.config.samples.sequence
-    baked = traced(job, purpose, inputs, points, directions)
-    values = baked.arrays["transfer"]
-    free = ~_enclosed(job, points, values)
+    found = received(job, purpose, inputs, points, directions, radiosity)
+    free = ~_enclosed(job, points, found.transfer)
     enclosed = int(np.sum(~free))
-    if enclosed == len(values):
-        raise PrtnetError(f"{job.scene.name}: all {len(values)} samples are enclosed, expected some that see light")
+    if enclosed == len(free):
+        raise PrtnetError(f"{job.scene.name}: all {len(free)} samples are enclosed, expected some that see light")
     if enclosed:
-        log.info("%s: %d of %d points are fully enclosed and left out", purpose, enclosed, len(values))
+        log.info("%s: %d of %d points are fully enclosed and left out", purpose, enclosed, len(free))
     return PointSet(
-        baked.key,
+        found.key,
         points.positions[free].astype(np.float32),
         points.normals[free],
-        values[free],
-        baked.facts | {"enclosed": enclosed, "points": len(values)},
+        found.transfer[free],
+        job.groups,
+        {"seconds": found.seconds, "enclosed": enclosed, "points": len(free)},
     )
 
 
@@ -216,14 +143,10 @@ def _texture(job: Job) -> BakedTexture:
     points = Samples(
         texels.positions, texels.normals, texels.geometric_normals, np.zeros(len(texels.positions), np.int32)
     )
-    baked = traced(job, "texture", inputs, points, job.config.transfer.directions)
-    image = texture.assemble(texels, baked.arrays["transfer"], dilation=options.dilation)
-    facts = baked.facts | {
-        "texels": len(texels.positions),
-        "uv": atlas.source,
-        "seconds": seconds + baked.facts["seconds"],
-    }
-    return BakedTexture(baked.key, atlas, image, facts)
+    found, radiosity = texels_and_radiosity(job, inputs, atlas, texels, points)
+    image = texture.assemble(texels, found.transfer, dilation=options.dilation)
+    facts = {"texels": len(texels.positions), "uv": atlas.source, "seconds": seconds + found.seconds}
+    return BakedTexture(found.key, atlas, image, facts, radiosity)
 
 
 def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
@@ -254,20 +177,10 @@ def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
     return Atlas(mesh, arrays["uv"], facts["source"], overlap), facts["seconds"]
 
 
-def _mesh(job: Job) -> BakedMesh:
+def _mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:
     options = job.config.vertex
-    start = time.perf_counter()
     mesh = vertex.mesh(job.scene, options.subdivide, options.level)
     cut = sorted(set(options.subdivide)) if options.level else []
-    inputs = job.scene_key | {"subdivide": cut, "level": options.level if cut else 0}
-    if options.kind == "unshadowed":
-        bands = job.config.transfer.bands
-        baked = job.store.make(
-            "vertex",
-            inputs | {"bands": bands, "kind": options.kind},
-            lambda: ({"transfer": vertex.unshadowed(mesh, bands)}, {"seconds": time.perf_counter() - start}),
-        )
-    else:
-        inputs["seed"] = job.config.seed
-        baked = traced(job, "vertex", inputs, vertex.points(mesh), job.config.transfer.directions)
-    return BakedMesh(baked.key, mesh, baked.arrays["transfer"], baked.facts)
+    inputs = job.scene_key | {"subdivide": cut, "level": options.level if cut else 0, "seed": job.config.seed}
+    found = received(job, "vertex", inputs, vertex.points(mesh), job.config.transfer.directions, radiosity)
+    return BakedMesh(found.key, mesh, found.transfer, {"seconds": found.seconds})

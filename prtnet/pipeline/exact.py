@@ -67,7 +67,7 @@ def exact_view(job: Job, title: str, view: View, *, announce: int = 0, repeat: i
 
 def _values(job: Job, title: str, points: Points, announce: int, repeat: int) -> Float32[Array, "n 3"]:
     """Radiance of points as an artifact, shard by shard: a killed run goes on where it was."""
-    samples, bounces = job.config.render.exact_samples, 0
+    samples, bounces = job.config.render.exact_samples, job.bounces
     inputs = job.scene_key | {"light": light_key(job.light), "samples": samples, "bounces": bounces, "repeat": repeat}
     inputs |= {field.name: _digest(getattr(points, field.name)) for field in fields(points)}
     inputs["seed"] = job.config.seed

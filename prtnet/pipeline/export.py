@@ -92,7 +92,7 @@ def _write_vertices(job: Job, baked: BakedMesh) -> None:
     stamp = job.out / ".transfer_vertices.key"
     if all(path.exists() for path in paths) and stamp.exists() and stamp.read_text() == baked.key:
         return
-    file = vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.vertex.kind)
+    file = vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.transfer.transport)
     vertices.write(paths[0], file)
     gltf.write(paths[1], file, baked.mesh)
     store.write_text(stamp, baked.key)

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from prtnet import PrtnetError
 from prtnet.config import METHODS, STAGES, Config, LightOptions
-from prtnet.data import builtin, directions, light, scene, vertex
+from prtnet.data import builtin, directions, light, scene, transfer, vertex
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
@@ -56,6 +56,17 @@ class Job:
     @property
     def display(self) -> Display:
         return _display(self.config)
+
+    @property
+    def bounces(self) -> int:
+        """Diffuse bounces of light between surfaces, 0 unless the transport is interreflected."""
+        options = self.config.transfer
+        return options.bounces if options.transport == "interreflected" else 0
+
+    @property
+    def groups(self) -> int:
+        """Groups of SH coefficients in a point's transfer: see `pipeline.transport`."""
+        return 4 if self.bounces else 1
 
     @property
     def light_name(self) -> str:
@@ -119,12 +130,13 @@ def _check(config: Config) -> None:
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
-    if config.vertex.kind not in vertex.KINDS:
-        expected = ", ".join(vertex.KINDS)
-        raise PrtnetError(f"vertex.kind: found {config.vertex.kind!r}, expected one of {expected}")
+    if config.transfer.transport not in transfer.TRANSPORTS:
+        expected = ", ".join(transfer.TRANSPORTS)
+        raise PrtnetError(f"transfer.transport: found {config.transfer.transport!r}, expected one of {expected}")
     least = {
         "transfer.bands": 1,
         "transfer.directions": 1,
+        "transfer.bounces": 1,
         "samples.count": 1,
         "samples.test_count": 1,
         "atlas.size": 16,

@@ -40,10 +40,12 @@ def _shading_macs(job: Job) -> int:
 
 def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
-    shaded = TextureMethod(drawing, baked.texture.image, half=options.half, material=job.material)
+    # with bounces a diffuse material needs no direct transfer
+    fetched = 3 if job.groups == 4 and not job.material.glossy else job.groups
+    shaded = TextureMethod(drawing, baked.texture.image, half=options.half, material=job.material, groups=job.groups)
     costs = {
-        "macs": score.fetch_macs(count, "bilinear") + _shading_macs(job),
-        "bytes": score.texture_bytes(options.size, count, half=options.half),
+        "macs": score.fetch_macs(fetched * count, "bilinear") + _shading_macs(job),
+        "bytes": fetched * score.texture_bytes(options.size, count, half=options.half),
         "bake_seconds": baked.texture.facts["seconds"],
         "train_seconds": None,
     }
@@ -56,12 +58,12 @@ def _vertex(job: Job, baked: BakedMesh) -> Drawn:
     def costs(pixels: float) -> dict[str, Any]:
         return {
             "macs": score.vertex_macs(vertices, count, pixels),
-            "bytes": score.vertex_bytes(vertices, count),
+            "bytes": job.groups * score.vertex_bytes(vertices, count),
             "bake_seconds": baked.facts["seconds"],
             "train_seconds": None,
         }
 
-    return Drawn(VertexMethod(baked.mesh, baked.transfer, job.config.render.size), costs)
+    return Drawn(VertexMethod(baked.mesh, baked.transfer, job.config.render.size, groups=job.groups), costs)
 
 
 def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Raster) -> Drawn:
@@ -71,4 +73,4 @@ def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Ra
         "bake_seconds": points.training.facts["seconds"],
         "train_seconds": trained.facts["cpu_seconds"],
     }
-    return Drawn(NetMethod(drawing, shader, material=job.material), lambda pixels: costs)
+    return Drawn(NetMethod(drawing, shader, material=job.material, groups=job.groups), lambda pixels: costs)

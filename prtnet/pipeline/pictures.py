@@ -49,7 +49,7 @@ def _frames(job: Job, baked: Baked, trained: Trained | None, exported: Exported)
     """The first view of the references and of every method, linear RGB, the light mirrored in it where it shall be."""
     coefficients = job.light.coefficients(job.config.transfer.bands)
     drawing = Raster(baked.texture.atlas, job.config.render.size)
-    first = add_exact(job, views_of(job, drawing, coefficients, most=1))[0]
+    first = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity, most=1))[0]
     frames = {"traced": first.reference} | ({} if first.exact is None else {"exact": first.exact})
     for name, method in make_all(job, baked, trained, exported, drawing).items():
         frames[name] = method.shaded.draw(first.camera, coefficients)

@@ -79,13 +79,14 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         "scene": job.scene.name,
         "triangles": len(job.scene.faces),
         "SH bands (coefficients)": f"{transfer.bands} ({transfer.bands**2})",
+        "transport": f"{transfer.transport}, {job.bounces} bounces" if job.bounces else transfer.transport,
         "rays per point": transfer.directions,
         "tracer": job.tracer.kind,
     }
     if trained and baked.points:
         facts |= _net_facts(baked.points, trained, exported)
     if baked.mesh:
-        facts["vertices"] = f"{len(baked.mesh.mesh.vertices)}, {job.config.vertex.kind} ({_cuts(job)})"
+        facts["vertices"] = f"{len(baked.mesh.mesh.vertices)} ({_cuts(job)})"
     return facts | {
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],

@@ -15,8 +15,8 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
 from prtnet.pipeline.train import Trained
-from prtnet.pipeline.views import View, traced_view, views_of
-from prtnet.render import gbuffer as gbuffers
+from prtnet.pipeline.transport import Radiosity
+from prtnet.pipeline.views import View, reference_of, views_of
 from prtnet.render.camera import Camera
 from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
@@ -58,9 +58,9 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         drawing = Raster(baked.texture.atlas, job.config.render.size)
-        views = add_exact(job, views_of(job, drawing, coefficients))
+        views = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
-        return _draw_and_score(job, methods, views, coefficients)
+        return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]
@@ -68,7 +68,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
 
 def _draw_and_score(
-    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array
+    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array, radiosity: Radiosity | None
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     for method in methods.values():
         if isinstance(method.shaded, VertexMethod):
@@ -92,7 +92,7 @@ def _draw_and_score(
     for name, reference in pairs:
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
         rows.append(_row(job, metrics, name, reference, costs[name]))
-    rows.append(_noise_floor(job, views[0], coefficients, exposure))
+    rows.append(_noise_floor(job, views[0], coefficients, radiosity, exposure))
     rows += exact_rows(job, views, frames, costs, exposure)
     if any(view.exact is not None for view in views):
         # not drawn: NaN, which the contact sheet leaves empty
@@ -122,10 +122,9 @@ def _times(methods: Mapping[str, Drawn], eye: Camera, coefficients: Array) -> di
     return {name: float(np.median(values)) for name, values in taken.items()}
 
 
-def _noise_floor(job: Job, view: View, coefficients: Array, exposure: float) -> score.Row:
+def _noise_floor(job: Job, view: View, coefficients: Array, radiosity: Radiosity | None, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
-    baked = traced_view(job, "traced view 1 again", view.camera, view.gbuffer, repeat=1)
-    again = gbuffers.shade(view.gbuffer, baked, coefficients, job.material)
+    again = reference_of(job, "traced view 1 again", view.camera, view.gbuffer, coefficients, radiosity, repeat=1)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
     return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
 

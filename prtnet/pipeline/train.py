@@ -102,7 +102,7 @@ def _steps(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> tuple[int,
 
 
 def _points(part: PointSet) -> Points:
-    return Points(part.positions, part.normals, part.transfer)
+    return Points(part.positions, part.normals, part.transfer, part.groups)
 
 
 def _rmse(net: NetSpec, part: PointSet) -> float:

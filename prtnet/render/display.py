@@ -114,17 +114,16 @@ def _doubled(image: Float64[Array, "h w 3"], shape: tuple[int, ...]) -> Float64[
 
 
 def highlights(
-    light: Light, gbuffer: GBuffer, transfer: Float[Array, "n k"] | Float[Array, "n k 3"], strength: float
+    light: Light, gbuffer: GBuffer, transfer: Float[Array, "n k"], strength: float
 ) -> Float64[Array, "size size 3"]:
-    """`strength` times the light in the mirrored direction at every covered pixel, linear RGB, times t_0 over that of
-    an open point: what is in shadow does not shine. Reflections show no surface, only the light."""
+    """`strength` times the light in the mirrored direction at every covered pixel, linear RGB, times t_0 of direct
+    transfer over that of an open point: what is in shadow does not shine. Only the light is mirrored, no surface."""
     towards = np.asarray(gbuffer.eye) - gbuffer.positions.astype(np.float64)
     directions = mirrored(towards, gbuffer.normals)
     if light.image is not None:
         radiance = mapping.sample("lat_long", light.image[None], directions)
     else:
         radiance = light_sampler.of_light(light).radiance(directions)
-    first = transfer[:, 0].reshape(len(transfer), -1).mean(axis=1, dtype=np.float64)
     image = np.zeros((gbuffer.size * gbuffer.size, 3))
-    image[gbuffer.pixel] = strength * radiance * np.clip(first / OPEN, 0, 1)[:, None]
+    image[gbuffer.pixel] = strength * radiance * np.clip(transfer[:, 0].astype(np.float64) / OPEN, 0, 1)[:, None]
     return image.reshape(gbuffer.size, gbuffer.size, 3)

@@ -64,10 +64,21 @@ def barycentric(faces: Float32[Array, "h w 4"]) -> tuple[Int[Array, " n"], Int[A
 
 
 def shade(
-    gbuffer: GBuffer, transfer: Float[Array, "n k"], light: Float[Array, "k 3"], material: Material = DIFFUSE
+    gbuffer: GBuffer,
+    transfer: Float[Array, "n c"],
+    light: Float[Array, "k 3"],
+    material: Material = DIFFUSE,
+    *,
+    groups: int = 1,
+    incident: Float[Array, "n k 3"] | None = None,
 ) -> Float32[Array, "size size 3"]:
-    """Radiance towards the eye at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods."""
+    """Radiance towards the eye at every covered pixel, linear RGB; 0 elsewhere. The plain twin of the GLSL methods.
+
+    `groups` and `incident` as in `radiance`.
+    """
     image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
     towards = np.asarray(gbuffer.eye) - gbuffer.positions.astype(np.float64)
-    image[gbuffer.pixel] = radiance(material, gbuffer.albedo, transfer, light, gbuffer.normals, towards)
+    image[gbuffer.pixel] = radiance(
+        material, gbuffer.albedo, transfer, light, gbuffer.normals, towards, groups=groups, incident=incident
+    )
     return image.reshape(gbuffer.size, gbuffer.size, 3)

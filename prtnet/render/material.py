@@ -75,17 +75,40 @@ DIFFUSE = Material()
 def radiance(
     material: Material,
     albedo: Float[Array, "n 3"],
-    transfer: Float[Array, "n k"],
+    transfer: Float[Array, "n c"],
     light: Float[Array, "k 3"],
     normals: Float[Array, "n 3"],
     towards: Float[Array, "n 3"],
+    *,
+    groups: int = 1,
+    incident: Float[Array, "n k 3"] | None = None,
 ) -> Float[Array, "n 3"]:
-    """B of points with linear RGB albedo and shading normals, seen from `towards` (normals and views of any length)."""
-    out = material.diffuse * (albedo / pi * (transfer @ light))
+    """B of points with linear RGB albedo and shading normals, seen from `towards` (normals and views of any length).
+
+    Of 4 `groups` of channels the first is the direct transfer, for gloss; the others have light from other surfaces in
+    them, for the diffuse part in red, green and blue. `incident` is that light under this very light instead
+    (`data.transfer.incident`), for both parts (Dhawal, Aakash KT and Narayanan 2022).
+    """
+    direct = transfer[:, : transfer.shape[1] // groups]
+    received = irradiance(transfer, light, groups)
+    if incident is not None:
+        received = received + np.sqrt(4 * pi) * incident[:, 0]
+    out = material.diffuse * (albedo / pi * received)
     if material.glossy:
-        facing = lobe(mirrored(towards, normals), material.exponent, sh.bands_of(transfer.shape[1]))
-        out = out + np.asarray(material.specular) * reflected(transfer, light, facing, material.product)
+        facing = lobe(mirrored(towards, normals), material.exponent, sh.bands_of(direct.shape[1]))
+        seen = reflected(direct, light, facing, material.product)
+        if incident is not None:
+            seen = seen + np.einsum("nkc,nk->nc", incident, facing)
+        out = out + np.asarray(material.specular) * seen
     return out
+
+
+def irradiance(transfer: Float[Array, "n c"], light: Float[Array, "k 3"], groups: int) -> Float[Array, "n 3"]:
+    """sum_i t_i L_i per colour: with one group's t for all colours, or with those of groups 1, 2, 3 of four."""
+    if groups == 1:
+        return transfer @ light
+    coloured = transfer.reshape(len(transfer), groups, -1)[:, 1:]
+    return np.einsum("nck,kc->nc", coloured, light)
 
 
 def mirrored(towards: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float64[Array, "n 3"]:

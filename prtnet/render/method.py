@@ -20,9 +20,17 @@ Array = np.ndarray
 class Shaded:
     """A material on transfer that a program finds somewhere. Compiled once, or once per light; drawn often."""
 
-    def __init__(self, raster: Raster, coefficients: range, source: str, transfer: str, material: Material):
-        # coefficients: the counts that fill the layers of `transfer`
-        self.raster, self.coefficients, self.material = raster, coefficients, material
+    def __init__(
+        self,
+        raster: Raster,
+        coefficients: range,
+        source: str,
+        transfer: str,
+        material: Material,
+        groups: int = 1,
+    ):
+        # coefficients: the counts that fill the layers of one group of `transfer`
+        self.raster, self.coefficients, self.material, self.groups = raster, coefficients, material, groups
         self.layers = gl.layer_count(coefficients[-1])
         self._source, self._transfer = source, transfer
         self._per_light = material.glossy and material.product == "fixed_light"
@@ -39,18 +47,18 @@ class Shaded:
         return sh.phong_lobe(self.material.exponent, sh.bands_of(squares[-1]))
 
     def _compile(self, gloss_function: str) -> None:
-        names = [f"t{layer}" for layer in range(self.layers)]
+        names = [f"t{layer}" for layer in range(self.groups * self.layers)]
         defines: dict[str, Any] = {}
         if gloss_function:
             specular = vector("vec3", np.asarray(self.material.specular))
-            defines["GLOSS"] = f"{specular} * prt_gloss(mirrored(), {', '.join(names)})"
+            defines["GLOSS"] = f"{specular} * prt_gloss(mirrored(), {', '.join(names[: self.layers])})"
         parts = gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")
         self.program = self.raster.program(
             "".join(parts) + gl.shader("shading.frag.glsl"),
             LAYERS=self.layers,
             DECLARE="vec4 " + ", ".join(names),
             TRANSFER=self._transfer,
-            SUM=" + ".join(f"light[{layer}] * {name}" for layer, name in enumerate(names)),
+            SUM=irradiance_text(names, self.layers),
             DIFFUSE=number(self.material.diffuse / math.pi),
             **defines,
         )
@@ -92,14 +100,24 @@ class TextureMethod(Shaded):
     """Transfer from a texture over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear."""
 
     def __init__(
-        self, raster: Raster, texture: Float[Array, "s s k"], *, half: bool = False, material: Material = DIFFUSE
+        self,
+        raster: Raster,
+        texture: Float[Array, "s s c"],
+        *,
+        half: bool = False,
+        material: Material = DIFFUSE,
+        groups: int = 1,
     ):
-        channels = texture.shape[2]
-        layers = range(gl.layer_count(channels))
-        transfer = "; ".join(f"t{layer} = texture(transfer_map, vec3(atlas_uv, {layer}.0))" for layer in layers)
+        channels = texture.shape[2] // groups
+        padded = padded_groups(texture, groups)
+        # the direct group is for gloss alone
+        first = 0 if material.glossy or groups == 1 else gl.layer_count(channels)
+        layers = range(first, padded.shape[2] // 4)
+        fetch = "t{} = texture(transfer_map, vec3(atlas_uv, {}.0))"
+        transfer = "; ".join(fetch.format(layer, layer - first) for layer in layers)
         declarations = "uniform sampler2DArray transfer_map;\nin vec2 atlas_uv;\n"
-        super().__init__(raster, range(channels, channels + 1), declarations, transfer, material)
-        self.texture = gl.upload_layers(texture, half=half)
+        super().__init__(raster, range(channels, channels + 1), declarations, transfer, material, groups)
+        self.texture = gl.upload_layers(padded[..., 4 * first :], half=half)
         # bytes on the graphics card, padding included
         self.bytes = len(layers) * 4 * (2 if half else 4) * texture.shape[0] * texture.shape[1]
 
@@ -113,7 +131,7 @@ class TextureMethod(Shaded):
 class NetMethod(Shaded):
     """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel."""
 
-    def __init__(self, raster: Raster, function: str, *, material: Material = DIFFUSE):
+    def __init__(self, raster: Raster, function: str, *, material: Material = DIFFUSE, groups: int = 1):
         signature = re.search(r"void\s+prt_transfer\s*\(([^)]*)\)", function)
         outputs = signature.group(1).count("out vec4") if signature else 0
         if not outputs:
@@ -122,4 +140,24 @@ class NetMethod(Shaded):
             )
         arguments = ", ".join(f"t{layer}" for layer in range(outputs))
         transfer = f"prt_transfer(position, normalize(normal), {arguments})"
-        super().__init__(raster, range(4 * outputs - 3, 4 * outputs + 1), function + "\n", transfer, material)
+        most = 4 * outputs // groups
+        super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
+
+
+def irradiance_text(names: list[str], layers: int) -> str:
+    """sum_i t_i L_i per colour as an expression: one group of `layers` vectors, or those that follow the first."""
+    if len(names) == layers:
+        return " + ".join(f"light[{layer}] * {name}" for layer, name in enumerate(names))
+    sums = []
+    for colour in range(3):
+        group = names[(colour + 1) * layers : (colour + 2) * layers]
+        sums.append(" + ".join(f"dot(transpose(light[{i}])[{colour}], {name})" for i, name in enumerate(group)))
+    return f"vec3({', '.join(sums)})"
+
+
+def padded_groups(values: Float[Array, "*n c"], groups: int) -> Float32[Array, "*n _"]:
+    """Each group of channels padded with 0 to a multiple of four."""
+    each = values.shape[-1] // groups
+    split = np.asarray(values, np.float32).reshape(*values.shape[:-1], groups, each)
+    room = [(0, 0)] * (split.ndim - 1) + [(0, -each % 4)]
+    return np.pad(split, room).reshape(*values.shape[:-1], -1)

@@ -37,15 +37,15 @@ def random_points(count: int, rng: np.random.Generator) -> tuple[Float[Array, "n
     return rng.uniform(-1, 1, (count, 3)).astype(np.float32), normals.astype(np.float32)
 
 
-def run(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n k"]:
+def run(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
     """The coefficients that the function text `source` gives on the driver, one pixel a point."""
     side = math.isqrt(max(len(positions) - 1, 0)) + 1
     textures = {"positions": _image(positions, side), "normals": _image(normals, side)}
     layers = []
     for first in range(0, glsl.vectors(net), _ATTACHMENTS):
         layers += _draw(glsl.around(net, source, first=first), textures, min(_ATTACHMENTS, glsl.vectors(net) - first))
-    flat = np.concatenate(layers, axis=2).reshape(side * side, -1)
-    return flat[: len(positions), : sh.count(net.bands)]
+    flat = np.concatenate(layers, axis=2).reshape(side * side, net.groups, -1)
+    return flat[: len(positions), :, : sh.count(net.bands)].reshape(len(positions), -1)
 
 
 def _image(points: Float[Array, "n 3"], side: int) -> Float[Array, "s s 4"]:

@@ -18,7 +18,7 @@ from prtnet.export.spelling import number
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import barycentric, from_faces, shade
 from prtnet.render.material import DIFFUSE
-from prtnet.render.method import Shaded
+from prtnet.render.method import Shaded, padded_groups
 from prtnet.render.raster import Raster
 
 Array = np.ndarray
@@ -30,19 +30,20 @@ class VertexMethod(Shaded):
     Diffuse only: a lobe is narrower than a triangle.
     """
 
-    def __init__(self, drawn: Scene, transfer: Float[Array, "v k"], size: int):
-        count, channels = transfer.shape
-        self.layers = gl.layer_count(channels)
+    def __init__(self, drawn: Scene, transfer: Float[Array, "v c"], size: int, *, groups: int = 1):
+        count, channels = len(transfer), transfer.shape[1] // groups
+        self.layers, self.groups = gl.layer_count(channels), groups
         self.material, self._per_light, self._light = DIFFUSE, False, None
         self.raster = Raster(Atlas(drawn, np.zeros((count, 2), np.float32), "none", float("nan")), size)
         self.coefficients = range(channels, channels + 1)
-        image = pack(transfer, gl.context().info["GL_MAX_TEXTURE_SIZE"])
+        image = pack(transfer, gl.context().info["GL_MAX_TEXTURE_SIZE"], groups)
         self.program = self.raster.program(
             "in vec3 lit;\n" + gl.shader("albedo.glsl") + gl.shader("shading.frag.glsl"),
             gl.shader("vertex_light.glsl"),
             AT_VERTEX="lit = light_of_vertex()",
             LAYERS=self.layers,
-            PER_ROW=image.shape[1] // self.layers,
+            GROUPS=groups,
+            PER_ROW=image.shape[1] // (groups * self.layers),
             DECLARE="",
             TRANSFER="",
             SUM="lit",
@@ -62,28 +63,29 @@ class VertexMethod(Shaded):
         super().render(camera, prepass=prepass)
 
 
-def pack(transfer: Float[Array, "v k"], limit: int) -> Float32[Array, "h w 4"]:
-    """The texture of vertex_light.glsl: ceil(k/4) texels for each vertex, as many vertices in a row as `limit` allows.
+def pack(transfer: Float[Array, "v c"], limit: int, groups: int = 1) -> Float32[Array, "h w 4"]:
+    """The texture of vertex_light.glsl: ceil(k/4) texels for each group of each vertex, as many in a row as `limit`
+    allows.
 
     Raises PrtnetError when it would have more than `limit` rows.
     """
-    count, channels = transfer.shape
-    layers = gl.layer_count(channels)
+    padded = padded_groups(transfer, groups)
+    count, layers = len(padded), padded.shape[1] // 4
     per_row = min(limit // layers, count)
     rows = -(-count // per_row)
     if rows > limit:
         most = limit * per_row
         raise PrtnetError(f"vertex transfer: found {count} vertices, expected at most {most} (this driver's textures)")
     image = np.zeros((rows * per_row, 4 * layers), np.float32)
-    image[:count, :channels] = transfer
+    image[:count] = padded
     return image.reshape(rows, per_row * layers, 4)
 
 
 def shade_vertices(
-    raster: Raster, camera: Camera, transfer: Float[Array, "v k"], light: Float[Array, "k 3"]
+    raster: Raster, camera: Camera, transfer: Float[Array, "v c"], light: Float[Array, "k 3"], *, groups: int = 1
 ) -> Float32[Array, "h w 3"]:
     """The plain twin of VertexMethod: transfer interpolated at each pixel of the mesh that `raster` draws."""
     faces = raster.faces(camera)
     _, face, weights = barycentric(faces)
     gbuffer = from_faces(raster.scene, faces, raster.albedo(camera), camera.eye)
-    return shade(gbuffer, vertex.interpolate(transfer, raster.scene, face, weights), light)
+    return shade(gbuffer, vertex.interpolate(transfer, raster.scene, face, weights), light, groups=groups)

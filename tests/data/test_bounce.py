@@ -122,3 +122,29 @@ def test_the_nearest_texel_answers():
     assert np.median(away) < 0.05
     normals = scene.face_normals[face] * np.where(front, 1, -1)[:, None]
     assert np.mean(np.einsum("ni,ni->n", normals, texels.geometric_normals[rows]) > 0) > 0.99
+
+
+@pytest.mark.parametrize("name", ["cornell", "plants"])
+def test_white_furnace(name):
+    """Albedo 1 under light 1: what a point sends rises with every bounce and never exceeds 1."""
+    scene = builtin.make(name, tessellation=0.4).centred()
+    found, texels, _ = kept(scene)
+    tracer, light = Tracer(scene), np.sqrt(4 * np.pi)
+    everywhere = {"directions": 256, "bands": 1, "rng": np.random.default_rng(0)}
+    direct = transfer.bake(
+        tracer, texels.positions, texels.normals, geometric_normals=texels.geometric_normals, **everywhere
+    )
+    points = samples.area_uniform(scene, 2000, np.random.default_rng(1))
+    white, options = np.ones((len(direct), 3), np.float32), {"geometric_normals": points.geometric_normals}
+    radiance = transfer.bake(tracer, points.positions, points.normals, **options, **everywhere) * light / np.pi
+    sent, total, means = surface.outgoing(white, direct), radiance.astype(np.float64), [radiance.mean()]
+    for _ in range(4):
+        back = bounce(tracer, points, found, sent, directions=256)[..., 0] * light / np.pi
+        assert back.min() >= 0
+        total = total + back
+        means.append(total.mean())
+        texel_points = samples.Samples(texels.positions, texels.normals, texels.geometric_normals, texels.face)
+        sent = surface.outgoing(white, bounce(tracer, texel_points, found, sent, directions=64))
+    assert np.all(np.diff(means) > 1e-4)
+    assert total.max() < 1 + 0.02  # the noise of 64 rays at a texel
+    assert means[-1] > means[0] + 0.02

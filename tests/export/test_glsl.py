@@ -27,6 +27,7 @@ def test_literals_read_back_as_the_same_float32(value):
     [
         {},
         {"activation": "gelu", "output": "linear", "residual": True},
+        {"bands": 3, "groups": 4, "output": "linear", "residual": True},
         {"activation": "silu", "output": "linear", "residual": True, "bands": 7},
         {"bands": 1, "residual": True, "position_frequencies": 0, "normal_frequencies": 0, "output_scale": 1.0},
     ],

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, sh
 from prtnet.data import builtin, vertex
 from prtnet.data.materials import to_linear
 from prtnet.data.scene import Scene, frame_of
@@ -33,7 +33,7 @@ def far() -> Scene:
 
 def written(scene: Scene, path: Path, bands: int = 3) -> tuple[vertices.VertexFile, Scene]:
     mesh = vertex.mesh(scene.centred())
-    file = vertices.of_mesh(mesh, scene.frame, vertex.unshadowed(mesh, bands), "unshadowed")
+    file = vertices.of_mesh(mesh, scene.frame, sh.cosine_lobe(mesh.normals, bands), "unshadowed")
     gltf.write(path, file, mesh)
     return file, mesh
 
@@ -50,15 +50,17 @@ def test_round_trip(far, tmp_path, bands):
     assert len(set(np.diff(order))) > 1
 
 
-@pytest.mark.parametrize("shape", [(5, 9), (5, 16), (5, 9, 3), (5, 25, 3)])
-def test_transfer_as_attributes_and_back(shape):
-    transfer = np.random.default_rng(0).normal(size=shape).astype(np.float32)
-    found = gltf.attributes(transfer)
-    letters = ("",) if len(shape) == 2 else ("R_", "G_", "B_")
-    assert set(found) == {f"_PRT_{letter}{i}" for letter in letters for i in range(-(-shape[1] // 4))}
+@pytest.mark.parametrize("bands", [1, 3, 4, 5])
+@pytest.mark.parametrize("letters", [("",), ("", "R_", "G_", "B_")])
+def test_transfer_as_attributes_and_back(bands, letters):
+    count = bands * bands
+    transfer = np.random.default_rng(0).normal(size=(5, len(letters) * count)).astype(np.float32)
+    found = gltf.attributes(transfer, len(letters))
+    assert set(found) == {f"_PRT_{letter}{i}" for letter in letters for i in range(-(-count // 4))}
     assert {values.shape for values in found.values()} == {(5, 4)}
-    np.testing.assert_array_equal(gltf.transfer_of(found, round(shape[1] ** 0.5), len(letters)), transfer)
-    padding = found[f"_PRT_{letters[0]}{shape[1] // 4}"][:, 1:] if shape[1] % 4 else np.zeros(3)
+    np.testing.assert_array_equal(gltf.transfer_of(found, bands, len(letters)), transfer)
+    np.testing.assert_array_equal(found[f"_PRT_{letters[-1]}0"][:, 0], transfer[:, -count])
+    padding = found[f"_PRT_{letters[-1]}{count // 4}"][:, count % 4 :] if count % 4 else np.zeros(3)
     assert not padding.any()
 
 
@@ -135,7 +137,7 @@ def test_the_page_names_what_is_in_the_file(far, tmp_path):
     for name in (*mesh["extras"]["prtnet"], "POSITION", "NORMAL", "TEXCOORD_0"):
         assert f"| `{name}` |" in text, name
     assert "`_PRT_0`, `_PRT_1`, ..." in text
-    assert "`_PRT_R_0`, `_PRT_G_0`, `_PRT_B_0`, ..." in text
+    assert "`_PRT_R_0`, ..., `_PRT_G_0`, ..., `_PRT_B_0`, ..." in text
 
 
 def test_errors(far, tmp_path):

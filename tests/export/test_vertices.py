@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from safetensors.numpy import save_file
 
-from prtnet import PrtnetError, store
+from prtnet import PrtnetError, sh, store
 from prtnet.data import builtin, vertex
 from prtnet.data.scene import Scene, frame_of
 from prtnet.export import vertices
@@ -27,7 +27,7 @@ def far() -> Scene:
 
 def file_of(scene: Scene) -> vertices.VertexFile:
     mesh = vertex.mesh(scene.centred(), ["ground"], 2)
-    return vertices.of_mesh(mesh, scene.frame, vertex.unshadowed(mesh, 4), "unshadowed")
+    return vertices.of_mesh(mesh, scene.frame, sh.cosine_lobe(mesh.normals, 4), "unshadowed")
 
 
 def test_round_trip(far, tmp_path):

@@ -5,12 +5,15 @@ from math import pi
 import numpy as np
 import pytest
 
-from prtnet import PrtnetError, gl, sh
+from prtnet import PrtnetError, gl, netspec, sh
 from prtnet.data import atlas, builtin, light, texture
+from prtnet.export import glsl
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import shade
+from prtnet.render.material import Material
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
+from tests.nets import random_net
 from tests.render.meshes import atlas_uv, bilinear, quad, scene, sphere
 
 SIZE = 96
@@ -223,3 +226,37 @@ def test_errors():
         NetMethod(drawing, "float f() { return 1.0; }")
     with pytest.raises(PrtnetError, match="GLSL"):
         NetMethod(drawing, "void prt_transfer(vec3 p, vec3 n, out vec4 t0) { t0 = wrong; }")
+
+
+def coloured(rng, *shape, bands=3):
+    """Four groups of coefficients, direct and red, green, blue."""
+    return rng.normal(size=(*shape, 4 * bands**2)).astype(np.float32)
+
+
+@pytest.mark.parametrize("specular", [0.0, 0.5])
+def test_four_groups_in_a_texture_and_in_a_net_agree_with_numpy(specular):
+    material = Material(0.8, (specular,) * 3, 12.0)
+    raster, texels, light = ball(), coloured(np.random.default_rng(0), 64, 64), random_light(9)
+    method = TextureMethod(raster, texels, material=material, groups=4)
+    assert method.bytes == 64 * 64 * 16 * 3 * (3 if specular == 0 else 4)
+    found = raster.gbuffer(EYE)
+    transfer = bilinear(texels, atlas_uv(raster.atlas, found.face, found.positions.astype(np.float64)))
+    expected = shade(found, transfer, light, material, groups=4)
+    error = np.abs(method.draw(EYE, light) - expected)
+    # llvmpipe blends texels with weights of 8 bits
+    assert np.percentile(error, 99) < 0.01 * np.abs(expected).max()
+
+    net = random_net(bands=3, groups=4, output="linear", residual=True)
+    drawn = NetMethod(raster, glsl.emit(net), material=material, groups=4).draw(EYE, light)
+    transfer = netspec.evaluate_unit(net, found.positions, found.normals)
+    expected = shade(found, transfer, light, material, groups=4)
+    assert np.percentile(np.abs(drawn - expected), 99.5) < 1e-4 * np.abs(expected).max()
+
+
+def test_groups_that_agree_are_one():
+    """Without bounces the coloured groups equal the direct one, and so do the pictures."""
+    raster, rng, light = ball(), np.random.default_rng(0), random_light(9)
+    direct = rng.normal(size=(64, 64, 9)).astype(np.float32)
+    once = TextureMethod(raster, direct).draw(EYE, light)
+    four = TextureMethod(raster, np.tile(direct, 4), groups=4).draw(EYE, light)
+    np.testing.assert_allclose(four, once, atol=1e-5)

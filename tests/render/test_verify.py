@@ -30,6 +30,15 @@ def test_more_coefficients_than_one_pass_can_write():
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
 
 
+@pytest.mark.parametrize("bands", [1, 3, 4, 5])
+def test_four_groups_are_padded_one_by_one(bands):
+    net = random_net(bands=bands, groups=4, residual=True, output="linear")
+    assert glsl.vectors(net) == 4 * -(-(bands**2) // 4)
+    positions, normals = verify.random_points(300, np.random.default_rng(2))
+    assert verify.run(net, glsl.emit(net), positions, normals).shape == (300, 4 * bands**2)
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
 def test_large_arguments_stay_finite():
     """Hidden values of several hundred: neither exp nor tanh may overflow into NaN."""
     for head in HEADS:

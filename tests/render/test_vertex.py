@@ -47,7 +47,7 @@ def plants() -> Scene:
 
 @pytest.mark.parametrize("bands", [1, 3, 5])
 def test_glsl_agrees_with_numpy(plants, bands):
-    lobe = vertex.unshadowed(plants, bands) * np.linspace(0.5, 1, len(plants.vertices), dtype=np.float32)[:, None]
+    lobe = sh.cosine_lobe(plants.normals, bands) * np.linspace(0.5, 1, len(plants.vertices), dtype=np.float32)[:, None]
     method, light = VertexMethod(plants, lobe, SIZE), random_light(bands * bands)
     drawn = method.draw(EYE, light)
     expected = shade_vertices(method.raster, EYE, lobe, light)
@@ -61,7 +61,7 @@ def test_glsl_agrees_with_numpy(plants, bands):
 def test_each_vertex_finds_its_own_transfer(monkeypatch, plants):
     """Noise that no neighbour shares, in rows of few vertices: the addressing of the texture."""
     noise = np.random.default_rng(0).normal(size=(len(plants.vertices), 9)).astype(np.float32)
-    monkeypatch.setattr("prtnet.render.vertex.pack", lambda values, limit: pack(values, 301))
+    monkeypatch.setattr("prtnet.render.vertex.pack", lambda values, limit, groups: pack(values, 301, groups))
     method = VertexMethod(plants, noise, SIZE)
     assert method.texture.size == (300, -(-len(noise) // 100))
     error = np.abs(method.draw(EYE, random_light(9)) - shade_vertices(method.raster, EYE, noise, random_light(9)))
@@ -69,7 +69,7 @@ def test_each_vertex_finds_its_own_transfer(monkeypatch, plants):
 
 
 def test_prepass_changes_no_pixel(plants):
-    method = VertexMethod(plants, vertex.unshadowed(plants, 3), SIZE)
+    method = VertexMethod(plants, sh.cosine_lobe(plants.normals, 3), SIZE)
     drawn = method.draw(EYE, random_light(9))
     method.render(EYE, prepass=False)
     assert drawn.any()
@@ -81,8 +81,8 @@ def test_the_cut_mesh_covers_the_same_pixels(plants):
     coarse, uncut = Raster(atlas.make(unit_scene, size=256), SIZE), vertex.mesh(unit_scene)
     covered = coarse.faces(EYE)[..., 0] > 0
     # the atlas has other vertices, but the same triangles
-    np.testing.assert_array_equal(VertexMethod(uncut, vertex.unshadowed(uncut, 1), SIZE).covers(EYE), covered)
-    method = VertexMethod(plants, vertex.unshadowed(plants, 1), SIZE)
+    np.testing.assert_array_equal(VertexMethod(uncut, sh.cosine_lobe(uncut.normals, 1), SIZE).covers(EYE), covered)
+    method = VertexMethod(plants, sh.cosine_lobe(plants.normals, 1), SIZE)
     assert np.count_nonzero(method.covers(EYE) ^ covered) <= 2
     assert np.abs(coarse.albedo(EYE) - method.raster.albedo(EYE)).max(axis=-1).mean() < 1e-3
 
@@ -120,7 +120,7 @@ def test_a_ground_of_two_triangles_has_no_shadow_until_it_is_cut():
     box = shapes.box([-0.3, -0.3, -0.3], [0.3, 0.1, 0.3])
     toy = scene(quad([-1, -0.5, 1], [2, 0, 0], [0, 0, -2], name="ground"), Part("box", box.vertices, box.faces))
     mesh = vertex.mesh(toy)
-    drawing = VertexMethod(mesh, vertex.unshadowed(mesh, 5), SIZE).raster
+    drawing = VertexMethod(mesh, sh.cosine_lobe(mesh.normals, 5), SIZE).raster
     seen = drawing.gbuffer(ABOVE)
     ground = np.zeros(SIZE * SIZE, bool)
     ground[seen.pixel[mesh.part[seen.face] == 0]] = True
@@ -146,7 +146,7 @@ def test_a_ground_of_two_triangles_has_no_shadow_until_it_is_cut():
 
 def test_unshadowed_under_white_light_is_the_albedo():
     mesh = vertex.mesh(stage())
-    method = VertexMethod(mesh, vertex.unshadowed(mesh, 1), SIZE)
+    method = VertexMethod(mesh, sh.cosine_lobe(mesh.normals, 1), SIZE)
     drawn = method.draw(EYE, np.full((1, 3), np.sqrt(4 * np.pi), np.float32))
     found = method.raster.gbuffer(EYE)
     np.testing.assert_allclose(drawn.reshape(-1, 3)[found.pixel], found.albedo, rtol=1e-5)
@@ -163,7 +163,15 @@ def test_pack_keeps_vertices_whole_and_in_order():
 
 def test_errors(plants):
     with pytest.raises(PrtnetError, match="found 9 SH coefficients, expected 25"):
-        VertexMethod(plants, vertex.unshadowed(plants, 5), 32).draw(EYE, random_light(9))
+        VertexMethod(plants, sh.cosine_lobe(plants.normals, 5), 32).draw(EYE, random_light(9))
     with pytest.raises(PrtnetError, match="vertex transfer: found 100 vertices, expected at most 64"):
         pack(np.zeros((100, 4), np.float32), 8)
     assert gl.layer_count(sh.count(5)) == 7
+
+
+def test_four_groups_at_vertices_agree_with_numpy(plants):
+    transfer = np.random.default_rng(0).normal(size=(len(plants.vertices), 36)).astype(np.float32)
+    method = VertexMethod(plants, transfer, SIZE, groups=4)
+    expected = shade_vertices(method.raster, EYE, transfer, random_light(9), groups=4)
+    error = np.abs(method.draw(EYE, random_light(9)) - expected)
+    assert np.percentile(error, 99) < 1e-3 * np.abs(expected).max()

@@ -1,0 +1,225 @@
+"""The transfer of points as artifacts, made shard by shard: what is seen of the light, and what of other surfaces.
+
+With `transfer.transport=interreflected` transfer has four groups of k channels: direct, for gloss, and direct with all
+bounces for red, green and blue, for the diffuse part. Otherwise it has one, direct.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from prtnet import console, sh
+from prtnet.data import samples, surface, transfer
+from prtnet.data.atlas import Atlas
+from prtnet.data.samples import Samples
+from prtnet.data.surface import Surface
+from prtnet.data.texture import Texels
+from prtnet.pipeline.job import Job
+from prtnet.store import Artifact
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+# (tracer, positions, normals, directions=, rng=, ...) -> values of the points
+Gather = Callable[..., Array]
+
+SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
+
+
+@dataclass(frozen=True)
+class Received:
+    """Transfer of points and what it took."""
+
+    key: str
+    transfer: Float32[Array, "n c"]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Radiosity:
+    """What every surface point sends back: albedo / pi times the transfer it receives with one bounce less."""
+
+    key: str
+    surface: Surface
+    sent: Float32[Array, "t k 3"]
+
+
+def traced(
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    *,
+    title: str | None = None,
+    salt: int = 0,
+    announce: int = 1,
+) -> Artifact:
+    """The direct transfer of points as an artifact {"transfer": "n k"}.
+
+    `inputs` must tell the points and the `salt` of their rays' rotations; what the transfer depends on besides is
+    added here. The estimate that is printed is for `announce` such bakes, 0 for none.
+    """
+    inputs = dict(inputs) | {"bands": job.config.transfer.bands}
+    bands = job.config.transfer.bands
+
+    def gather(*args: Any, **options: Any) -> Array:
+        return transfer.bake(*args, bands=bands, **options)
+
+    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, announce)
+
+
+def received(
+    job: Job, stage: str, inputs: Mapping[str, Any], points: Samples, directions: int, radiosity: Radiosity | None
+) -> Received:
+    """The transfer of points in the job's transport; `radiosity` where there are bounces. `inputs` as for `traced`."""
+    bands = job.config.transfer.bands
+    if job.config.transfer.transport == "unshadowed":
+        key = job.store.path(stage, dict(inputs) | {"bands": bands, "transport": "unshadowed"}).stem
+        return Received(key, sh.cosine_lobe(points.normals, bands), 0.0)
+    direct = traced(job, stage, inputs, points, directions)
+    found = Received(direct.key, direct.arrays["transfer"], direct.facts["seconds"])
+    if radiosity is None:
+        return found
+    bounced = _bounced(job, f"{stage}_bounced", inputs, points, directions, radiosity, f"{stage}, bounces")
+    total = grouped(found.transfer, bounced.arrays["transfer"])
+    return Received(bounced.key, total, found.seconds + bounced.facts["seconds"])
+
+
+def texels_and_radiosity(
+    job: Job, inputs: Mapping[str, Any], atlas: Atlas, texels: Texels, points: Samples
+) -> tuple[Received, Radiosity | None]:
+    """The transfer of the atlas's texels, and with bounces what they send back: each bounce gathers from the last."""
+    directions = job.config.transfer.directions
+    first = received(job, "texture", inputs, points, directions, None)
+    if not job.bounces:
+        return first, None
+    albedo = surface.texel_albedo(atlas, texels)
+    place = surface.of_atlas(job.scene, atlas, texels)
+    sent = surface.outgoing(albedo, first.transfer)
+    radiosity = Radiosity(first.key, place, sent)
+    bounces, key, seconds = np.zeros_like(sent), first.key, first.seconds
+    for bounce in range(1, job.bounces + 1):
+        last = Radiosity(key, place, sent)
+        made = _bounced(job, "texture_bounced", inputs, points, directions, last, f"texture, bounce {bounce}")
+        one = made.arrays["transfer"].reshape(sent.shape)
+        bounces, key, seconds = bounces + one, made.key, seconds + made.facts["seconds"]
+        if bounce < job.bounces:
+            sent = surface.outgoing(albedo, one)
+            radiosity = Radiosity(key, place, radiosity.sent + sent)
+    total = grouped(first.transfer, bounces.reshape(len(bounces), -1))
+    return Received(key, total, seconds), radiosity
+
+
+def incident(
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    radiosity: Radiosity,
+    light: Float[Array, "k 3"],
+    *,
+    title: str | None = None,
+    salt: int = 0,
+) -> Artifact:
+    """{"transfer": "n 3k"}: SH of the light from other surfaces, under one fixed light; `inputs` as for `traced`."""
+    bands = job.config.transfer.bands
+    inputs = dict(inputs) | {"radiosity": radiosity.key, "light": light.tolist(), "bands": bands}
+    sent = np.einsum("tkc,kc->tc", radiosity.sent, light).astype(np.float32)
+
+    def gather(tracer: Any, positions: Array, normals: Array, **options: Any) -> Array:
+        found = transfer.incident(tracer, positions, normals, radiosity.surface, sent, bands=bands, **options)
+        return found.reshape(len(positions), -1)
+
+    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, 0)
+
+
+def grouped(direct: Float[Array, "n k"], bounced: Float[Array, "n _"]) -> Float32[Array, "n _"]:
+    """Four groups of channels: direct, then direct with what is `bounced` ("n k 3", flat) in red, green and blue."""
+    coloured = bounced.reshape(*direct.shape, 3) + direct[..., None]
+    return np.concatenate([direct, *np.moveaxis(coloured, -1, 0)], axis=1).astype(np.float32)
+
+
+def _bounced(
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    radiosity: Radiosity,
+    title: str,
+) -> Artifact:
+    """{"transfer": "n 3k"}: what comes to points from other surfaces, as responses to the light's coefficients."""
+    inputs = dict(inputs) | {"radiosity": radiosity.key, "bands": job.config.transfer.bands}
+
+    def gather(tracer: Any, positions: Array, normals: Array, **options: Any) -> Array:
+        found = transfer.bounce(tracer, positions, normals, radiosity.surface, radiosity.sent, **options)
+        return found.reshape(len(positions), -1)
+
+    return _in_shards(job, stage, inputs, points, directions, gather, title, 1, 1)
+
+
+def _in_shards(
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    gather: Gather,
+    title: str,
+    salt: int,
+    announce: int,
+) -> Artifact:
+    """An artifact of what `gather` finds at the points: a killed bake goes on where it was."""
+    inputs = dict(inputs) | {"directions": directions, "kind": job.config.transfer.kind}
+    found = job.store.get(stage, inputs)
+    if found is not None:
+        return found
+    count = len(points.positions)
+    size = max(1, SHARD_RAYS // directions)
+    shards = max(1, -(-count // size))
+    if announce * count * directions > SHARD_RAYS // 4:
+        _estimate(job, title, points, directions, announce)
+    with console.progress(title, count, "points") as reach:
+
+        def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
+            first = shard * size
+            part = samples.select(points, np.arange(first, min(count, first + size)))
+            start = time.perf_counter()
+            values = gather(
+                job.tracer,
+                part.positions,
+                part.normals,
+                directions=directions,
+                # a generator per shard: its points' rotations do not depend on which shards this process bakes
+                rng=np.random.default_rng([job.config.seed, salt, shard]),
+                geometric_normals=part.geometric_normals,
+                kind=job.config.transfer.kind,
+                progress=lambda done: reach(first + done),
+                threads=job.config.threads,
+            )
+            return {"transfer": values}, {"seconds": time.perf_counter() - start}
+
+        parts = job.store.make_shards(stage, inputs, shards, make)
+    seconds = sum(part.facts["seconds"] for part in parts)
+    whole = np.concatenate([part.arrays["transfer"] for part in parts])
+    artifact = job.store.make(stage, inputs, lambda: ({"transfer": whole}, {"seconds": seconds}))
+    job.store.drop_shards(stage, inputs)
+    rate = count * directions / max(seconds, 1e-9) / 1e6
+    log.info("%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate)
+    return artifact
+
+
+def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
+    threads = job.config.threads or transfer.cores()
+    rate = threads * job.tracer.measure(points.positions, points.normals)
+    count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
+    title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
+    title += f" at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
+    seconds = times * count * directions / rate
+    console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)

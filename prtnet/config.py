@@ -87,6 +87,13 @@ class RenderOptions:
     size: int = 256  # pixels along one side
     views: int = 8  # uniform on the scene's camera path
     traced_directions: int = 4096  # rays per pixel of the reference
+    exact_samples: int = 0  # directions per pixel of a second reference without SH; 0 = none
+    exact_views: int = 2  # that have one
+    # of the pictures that are shown, never of what is scored
+    tone: str = "linear"  # or the curves reinhard, exposure
+    bloom: float = 0.0  # share of the light above white that spreads, 0 to 1
+    highlights: float = 0.0  # weight of the light mirrored in every surface
+    pictures: bool = False  # write the first view of each method to pictures/; the three above do it as well
 
 
 @dataclass

@@ -20,7 +20,7 @@ from prtnet import PrtnetError, __version__, store
 
 Array = np.ndarray
 
-NOISE_FLOOR = "noise_floor"  # the method of the row that scores `traced` drawn with another seed against `traced`
+NOISE_FLOOR = "noise_floor"  # the method of the row that scores a reference drawn with another seed against itself
 PSNR_CAP = 100.0  # dB of two images that are equal to an RMSE of 1e-5, so that every PSNR is finite and has a mean
 SSIM_WINDOW = 11  # pixels: the truncated Gaussian of sigma 1.5
 
@@ -208,10 +208,10 @@ class Row:
     """One line of a score file. None stands for what was not, or cannot be, measured."""
 
     scene: str
-    method: str  # texture, net, ..., or NOISE_FLOOR
+    method: str  # texture, net, ..., NOISE_FLOOR, or traced against exact
     material: str
     light: str
-    reference: str  # traced or texture
+    reference: str  # traced, texture, or exact = without SH
     psnr: float | None  # dB, mean over the views of the covered pixels' PSNR
     psnr_worst: float | None  # dB, the worst view's
     psnr_full: float | None  # dB, on the full frame
@@ -232,6 +232,11 @@ class Row:
     def is_noise_floor(self) -> bool:
         """Whether this row tells how well the reference agrees with itself."""
         return self.method == NOISE_FLOOR
+
+    @property
+    def is_method(self) -> bool:
+        """Whether this row is of a method, and not of a reference held against itself or against another."""
+        return self.method not in (NOISE_FLOOR, "traced")
 
 
 KEYS = tuple(field.name for field in fields(Row))

@@ -79,7 +79,7 @@ def contact_sheet(
 
     `views` holds tone-mapped sRGB images in [0, 1] by method; `views[reference]` is what the others are compared
     with. PSNR is of the covered pixels where masks are given. `numbers` are the views' own where these are a choice
-    already. At most MOST_VIEWS views are shown, evenly chosen.
+    already. At most MOST_VIEWS views are shown, evenly chosen. An image with NaN was not drawn: its place is empty.
     """
     if reference not in views:
         raise PrtnetError(f"contact sheet: no images of {reference!r}, expected them among {', '.join(views)}")
@@ -96,6 +96,8 @@ def contact_sheet(
         _cell(sheet, pen, plan, (row, 0), wanted, f"view {view if numbers is None else numbers[view]}")
         for index, method in enumerate(methods):
             image = views[method][view]
+            if np.isnan(image).any():
+                continue  # a reference that not every view has
             decibels = score.psnr(image, wanted, None if covered is None else covered[view])
             error = error_map(image, wanted)
             _cell(sheet, pen, plan, (row, 1 + 2 * index), image, f"{decibels:.1f} dB")

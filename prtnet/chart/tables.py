@@ -1,7 +1,8 @@
 """Score rows as text: a table for the terminal, the same in Markdown, and the cells that the report lays out.
 
-Rows of one scene, material and light stand together, those against `traced` first, methods by name, the noise floor
-after the methods. The best number of a column is marked where methods compared with the same reference differ in it.
+Rows of one scene, material and light stand together, those against `traced` first, methods by name, the noise floor of
+a reference after the methods. The best number of a column is marked where methods compared with the same reference
+differ in it.
 """
 
 import math
@@ -90,7 +91,8 @@ EXPENDABLE = ("mae", "psnr_full", "clipped", "flip", "ms", "ssim", "psnr_worst")
 LEGEND = (
     "PSNR (dB), SSIM, MAE, FLIP on covered pixels, mean of the views; worst: lowest view; frame: PSNR on the full "
     "frame; time: over texture's; MACs: multiply-adds per pixel; clipped: covered pixels with a negative channel; "
-    "noise floor: traced with another seed against traced."
+    "noise floor: a reference with another seed against itself. Exact has no spherical harmonics: traced against exact "
+    "is the error of SH itself."
 )
 
 
@@ -118,10 +120,13 @@ def group_of(row: Row) -> Group:
 
 
 def ordered(rows: Iterable[Row]) -> list[Row]:
-    """Groups by name; in each the rows against `traced` first; methods by name, the noise floor after them."""
-    return sorted(
-        rows, key=lambda row: (group_of(row), row.reference != "traced", row.is_noise_floor, row.method, row.macs or 0)
-    )
+    """Groups by name; in each the rows against `traced` first; methods by name, noise floors after them."""
+
+    def place(row: Row) -> tuple[object, ...]:
+        against = row.reference != "traced", row.reference
+        return group_of(row), against, row.is_noise_floor, row.method, row.macs or 0
+
+    return sorted(rows, key=place)
 
 
 def method_name(row: Row) -> str:
@@ -156,9 +161,9 @@ def _cell(row: Row, column: Column, rows: Sequence[Row]) -> Cell:
     text = column.write(value)
     if column.best is None:
         return Cell(_shorten(text) if isinstance(value, str) else text)
-    rivals = [other for other in rows if other.reference == row.reference and not other.is_noise_floor]
+    rivals = [other for other in rows if other.reference == row.reference and other.is_method]
     values = [each for each in (getattr(rival, column.key) for rival in rivals) if each is not None]
-    if len(set(values)) < 2 or row.is_noise_floor:
+    if len(set(values)) < 2 or not row.is_method:
         return Cell(text)
     return Cell(text, value == (max(values) if column.best == "high" else min(values)))
 

@@ -91,6 +91,24 @@ class Lobe:
     depth: float = 2.0  # of the cap, 1 - the cosine at its rim: 2 is the whole sphere, 1 half of it
 
 
+@dataclass(frozen=True)
+class Beam:
+    """A disc of one radiance around an axis; of depth 0, all light from the axis, and the colour its irradiance."""
+
+    axis: tuple[float, float, float]  # unit
+    colour: tuple[float, float, float]
+    depth: float = 0.0  # 1 - the cosine at the disc's rim
+
+
+def beam(name: str, options: AnalyticOptions) -> Beam:
+    """What sun and directional are besides their coefficients. Raises PrtnetError as `lobes`."""
+    if name == "sun":
+        disc = _disc(options.sun)
+        return Beam(disc.axis, disc.colour, disc.depth)
+    x, y, z = unit("light.directional.direction", options.directional.direction)
+    return Beam((x, y, z), _colour("light.directional.irradiance", options.directional.irradiance))
+
+
 def lobes(name: str, options: AnalyticOptions) -> list[Lobe]:
     """What constant, gradient, sun and green are made of. Raises PrtnetError for values that mean nothing."""
     if name == "constant":

@@ -16,7 +16,7 @@ from jaxtyping import Float, Float32, Float64
 
 from prtnet import PrtnetError, sh
 from prtnet.data import analytic_light, probe
-from prtnet.data.analytic_light import AnalyticOptions, sky
+from prtnet.data.analytic_light import AnalyticOptions, Beam, sky
 from prtnet.data.mapping import lat_long_directions as directions
 from prtnet.data.mapping import lat_long_solid_angles as solid_angles
 from prtnet.data.probe import Probe
@@ -34,6 +34,7 @@ class Light:
     name: str  # in tables, with what is not default
     unturned: Callable[[int], Array]  # bands -> "k 3"
     image: Float32[Array, "h w 3"] | None = None  # linear lat-long radiance; none where a light has no size in texels
+    beam: Beam | None = None  # unturned, what such a light is instead
     rotation: float = 0.0  # degrees about +y, from +z towards +x
     window: str = "none"  # against ringing: none, hann, lanczos
     window_size: float | None = None  # bands; as many as there are where left out
@@ -65,11 +66,14 @@ def by_name(name: str, options: AnalyticOptions | None = None) -> Light:
         image = probe.clean(sky(**asdict(options.sky)), "light=sky")
         return Light(name, partial(project, image), image)
     if name == "directional":
-        found = Light(name, partial(analytic_light.directional, options.directional))
+        coefficients = partial(analytic_light.directional, options.directional)
+        found = Light(name, coefficients, beam=analytic_light.beam(name, options))
     else:
         lobes = analytic_light.lobes(name, options)
         found = Light(name, partial(analytic_light.project, lobes))
-        if name != "sun":
+        if name == "sun":
+            found = replace(found, beam=analytic_light.beam(name, options))
+        else:
             towards = directions(analytic_light.HEIGHT, 2 * analytic_light.HEIGHT)
             found = replace(found, image=analytic_light.radiance(lobes, towards).astype(np.float32))
     if not found.unturned(1).any():

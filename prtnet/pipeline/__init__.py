@@ -29,7 +29,10 @@ def run(config: Config, command: str = "", sweep_point: str | None = None) -> No
 
         exported = export(job, baked, network)
         if last >= STAGES.index("score"):
+            from prtnet.pipeline.pictures import write_pictures
             from prtnet.pipeline.report import report
             from prtnet.pipeline.score import score_methods
 
-            report(job, baked, network, exported, score_methods(job, baked, network, exported))
+            scored = score_methods(job, baked, network, exported)
+            write_pictures(job, baked, network, exported, scored)
+            report(job, baked, network, exported, scored)

@@ -10,7 +10,7 @@ import numpy as np
 
 from prtnet import PrtnetError, gl, netspec, store
 from prtnet.data import texture
-from prtnet.export import glsl, vertices
+from prtnet.export import glsl, gltf, vertices
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
@@ -88,8 +88,11 @@ def _write_texture(job: Job, baked: BakedTexture) -> None:
 
 
 def _write_vertices(job: Job, baked: BakedMesh) -> None:
-    path, stamp = job.out / "transfer_vertices.safetensors", job.out / ".transfer_vertices.key"
-    if path.exists() and stamp.exists() and stamp.read_text() == baked.key:
+    paths = [job.out / f"transfer_vertices.{suffix}" for suffix in ("safetensors", "glb")]
+    stamp = job.out / ".transfer_vertices.key"
+    if all(path.exists() for path in paths) and stamp.exists() and stamp.read_text() == baked.key:
         return
-    vertices.write(path, vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.transfer.transport))
+    file = vertices.of_mesh(baked.mesh, job.frame, baked.transfer, job.config.transfer.transport)
+    vertices.write(paths[0], file)
+    gltf.write(paths[1], file, baked.mesh)
     store.write_text(stamp, baked.key)

@@ -19,6 +19,7 @@ from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
 from prtnet.render import reflectance
+from prtnet.render.display import Display
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
 
@@ -54,6 +55,10 @@ class Job:
         return _material(self.config)
 
     @property
+    def display(self) -> Display:
+        return _display(self.config)
+
+    @property
     def bounces(self) -> int:
         """Diffuse bounces of light between surfaces, 0 unless the transport is interreflected."""
         options = self.config.transfer
@@ -77,6 +82,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
     _check(config)
     chosen = _light(config.light)
+    _display(config).check(chosen)
     loaded = _load(config)
     vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
     reflectance.check(_material(config), loaded)
@@ -114,6 +120,11 @@ def _material(config: Config) -> Material:
     return made
 
 
+def _display(config: Config) -> Display:
+    options = config.render
+    return Display(options.tone, options.bloom, options.highlights)
+
+
 def _light(options: LightOptions) -> Light:
     found = light.from_file(options.path, options.mapping) if options.path else light.by_name(options.name, options)
     return light.adjust(found, rotation=options.rotation, window=options.window, window_size=options.window_size)
@@ -127,6 +138,7 @@ def _check(config: Config) -> None:
         raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     recipe.check(config.train)
     _material(config)
+    _display(config)
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
@@ -147,6 +159,8 @@ def _check(config: Config) -> None:
         "render.size": 16,
         "render.views": 1,
         "render.traced_directions": 1,
+        "render.exact_samples": 0,
+        "render.exact_views": 1,
     }
     values = asdict(config)
     for key, minimum in least.items():

@@ -21,6 +21,8 @@ FILES = {
     "transfer.frag": "the same as a whole fragment shader",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
+    "transfer_vertices.glb": "the same mesh for other programs, transfer as attributes _PRT_0, _PRT_1, ...",
+    "pictures": "the first view of each method as the display options of this run show it",
     "score.json": "the scores below, for programs",
     "export.json": "the measured error of the shader",
     "config.yaml": "every key of this run",

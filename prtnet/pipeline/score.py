@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from prtnet import console, score
 from prtnet.pipeline.bake import Baked
+from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
@@ -26,6 +27,7 @@ Image = Float[Array, "h w 3"]
 
 SHOWN_VIEWS = 8  # kept for the contact sheet
 TIMED_FRAMES = 7
+SHOWN_ONLY = ("tone", "bloom", "highlights", "pictures")  # keys of `render` that no score depends on
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Scored:
 
 
 def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exported) -> Scored:
-    """Rows of all methods and the noise floor against `traced`, and of net against `texture`."""
+    """Rows of all methods and the noise floor against `traced`, of net against `texture`, and, where it is on, of all
+    methods and `traced` against `exact`."""
     bands_light, _ = job.material.orders(job.config.transfer.bands)
     coefficients = job.light.coefficients(bands_light)
     inputs = job.scene_key | {
@@ -49,13 +52,14 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "shader": exported.shader,
         "light": coefficients.tolist(),
         "material": asdict(job.material),
-        "render": asdict(job.config.render),
+        "render": {key: value for key, value in asdict(job.config.render).items() if key not in SHOWN_ONLY},
         "camera": job.config.scene.camera,
+        "exact": light_key(job.light) if job.config.render.exact_samples else None,
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         drawing = Raster(baked.texture.atlas, job.config.render.size)
-        views = views_of(job, drawing, coefficients, baked.texture.radiosity)
+        views = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
         return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity)
 
@@ -83,12 +87,18 @@ def _draw_and_score(
     times = _times(methods, views[0].camera, coefficients)
     pixels = float(np.mean([mask.sum() for mask in covered]))
     pairs = [(name, "traced") for name in methods] + ([("net", "texture")] if "net" in methods else [])
+    spent = {name: {"ms": each, "ms_ratio": each / times["texture"]} for name, each in times.items()}
+    costs = {name: method.costs(pixels) | spent[name] for name, method in methods.items()}
     rows = []
     for name, reference in pairs:
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
-        spent = {"ms": times[name], "ms_ratio": times[name] / times["texture"]}
-        rows.append(_row(job, metrics, name, reference, methods[name].costs(pixels) | spent))
+        rows.append(_row(job, metrics, name, reference, costs[name]))
     rows.append(_noise_floor(job, views[0], coefficients, radiosity, exposure))
+    rows += exact_rows(job, views, frames, costs, exposure)
+    if any(view.exact is not None for view in views):
+        # not drawn: NaN, which the contact sheet leaves empty
+        absent = np.full_like(views[0].reference, np.nan)
+        frames["exact"] = [absent if view.exact is None else view.exact for view in views]
     shown = np.unique(np.linspace(0, len(views) - 1, min(len(views), SHOWN_VIEWS)).round().astype(int))
     kept = {
         name: np.stack([score.tone_map(images[view], exposure) for view in shown]).astype(np.float16)

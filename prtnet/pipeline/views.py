@@ -1,6 +1,7 @@
 """What every method is compared with: the views, and the transfer traced at each of their pixels."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -28,13 +29,16 @@ class View:
     gbuffer: GBuffer
     covered: Bool[Array, "h w"]
     reference: Image
+    exact: Image | None = None  # without SH, where there is one
 
 
-def views_of(job: Job, drawing: Raster, coefficients: Array, radiosity: Radiosity | None) -> list[View]:
-    """The cameras of the scene's path with their references."""
+def views_of(
+    job: Job, drawing: Raster, coefficients: Array, radiosity: Radiosity | None, *, most: int | None = None
+) -> list[View]:
+    """The cameras of the scene's path with their references; the first `most` of them."""
     path = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
     found = []
-    for index, eye in enumerate(path):
+    for index, eye in enumerate(path[:most]):
         gbuffer = drawing.gbuffer(eye)
         title = f"traced view {index + 1} of {len(path)}"
         reference = reference_of(job, title, eye, gbuffer, coefficients, radiosity, announce=0 if index else len(path))
@@ -59,16 +63,29 @@ def reference_of(
 
     `repeat` turns every pixel's rays by other angles.
     """
-    inputs = job.scene_key | {"camera": asdict(eye), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
-    points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
-    directions = job.config.render.traced_directions
-    baked = traced(job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce)
+    transfer = traced_view(job, title, eye, gbuffer, announce=announce, repeat=repeat)
     seen = None
     if radiosity is not None:
-        fewer = max(1, directions // FEWER)
+        inputs, points = _at(job, eye, gbuffer, repeat)
+        fewer = max(1, job.config.render.traced_directions // FEWER)
         title = f"{title}, bounces"
         made = incident(
             job, "traced_incident", inputs, points, fewer, radiosity, coefficients, title=title, salt=repeat
         )
         seen = made.arrays["transfer"].reshape(len(gbuffer.pixel), -1, 3)
-    return gbuffers.shade(gbuffer, baked.arrays["transfer"], coefficients, job.material, incident=seen)
+    return gbuffers.shade(gbuffer, transfer, coefficients, job.material, incident=seen)
+
+
+def traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, *, announce: int = 0, repeat: int = 0) -> Array:
+    """The direct transfer of each covered pixel, "n k"; `repeat` as in `reference_of`."""
+    inputs, points = _at(job, eye, gbuffer, repeat)
+    directions = job.config.render.traced_directions
+    baked = traced(job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce)
+    return baked.arrays["transfer"]
+
+
+def _at(job: Job, eye: Camera, gbuffer: GBuffer, repeat: int) -> tuple[dict[str, Any], Samples]:
+    """What the transfer of a view's pixels depends on, and these as points."""
+    inputs = job.scene_key | {"camera": asdict(eye), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
+    points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
+    return inputs, points

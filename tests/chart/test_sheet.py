@@ -84,6 +84,16 @@ def test_views_keep_their_own_numbers(tmp_path: Path) -> None:
     assert not np.array_equal(first, other)
 
 
+def test_what_was_not_drawn_stays_empty(tmp_path: Path) -> None:
+    views = {"traced": images(0, 2), "exact": images(1, 2)}
+    views["exact"][1] = np.full_like(views["exact"][1], np.nan)
+    sheet.contact_sheet(tmp_path / "sheet.png", views, cell=32)
+    pixels, plan = read(tmp_path / "sheet.png"), sheet.layout(2, 1, (20, 32), 32)
+    np.testing.assert_array_equal(window(pixels, plan, 0, 1), bytes_of(views["exact"][0]))
+    for column in (1, 2):
+        assert (window(pixels, plan, 1, column) == sheet.PAPER).all()
+
+
 def test_bad_views_are_refused(tmp_path: Path) -> None:
     with pytest.raises(PrtnetError, match="no images of 'traced'"):
         sheet.contact_sheet(tmp_path / "sheet.png", {"net": images(0, 1)})

@@ -45,6 +45,24 @@ def test_references_are_never_compared() -> None:
     assert "*" not in lines[-1]
 
 
+def test_a_reference_against_another_is_no_rival() -> None:
+    """Its row stands with those against the same reference, and is never the best of them."""
+    exact = [replace(row, reference="exact") for row in ROWS]
+    lines = [
+        line.split()
+        for line in tables.table(
+            [*BOTH_REFERENCES, *exact, replace(FLOOR, method="traced", reference="exact")]
+        ).splitlines()
+        if " exact " in line
+    ]
+    assert [" ".join(line[: line.index("exact")]) for line in lines] == [
+        "net", "net published", "texture", "traced", "noise floor",
+    ]  # fmt: skip
+    best = [any(cell.endswith("*") for cell in line) for line in lines]
+    assert best == [True, True, True, False, False]
+    assert lines[2][lines[2].index("exact") + 1] == "46.92*"
+
+
 def test_columns_line_up_and_fit() -> None:
     long = [
         replace(row, scene="s" * 300, light="l" * 90, method="a very long name of a method " * 3, flip=0.01)

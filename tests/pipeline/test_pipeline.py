@@ -46,6 +46,7 @@ def test_a_run_leaves_everything_in_its_folder(finished):
         "transfer.frag",
         "transfer_texture.exr",
         "transfer_vertices.safetensors",
+        "transfer_vertices.glb",
         "export.json",
         "score.json",
         "card.md",

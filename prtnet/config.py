@@ -66,7 +66,13 @@ class AtlasOptions:
     size: int = 1024  # texels along one side
     single_chart: bool = False  # one chart for both sides of a two-sided face: wrong on leaves, on purpose
     dilation: int = 3  # texels that each chart grows by
-    half: bool = False  # RGBA16F instead of RGBA32F
+    format: str = "float32"  # of a coefficient: float32, float16, or uint8 from its own least to its own greatest value
+    mipmaps: bool = False  # levels of half the side, in which charts do not mix with the empty texels between them
+    level_of_detail: str = "derivative"  # of mipmaps: of the texture coordinate by pixels, or distance to the eye
+    padding: int = 1  # texels that xatlas leaves around each chart; about 2^n keep charts apart on mip level n
+    sets: str = "one"  # texture for the whole scene, or parts: one for each, with size^2 texels together
+    unwrap: str = "auto"  # by xatlas where the file's coordinates are absent or overlap, or never: they are refused
+    memory_limit: float = 8.0  # GiB of the textures without mip levels
 
 
 @dataclass
@@ -96,9 +102,7 @@ class Config:
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
     stages: list[str] = field(default_factory=lambda: list(STAGES))  # up to the last one named is made where missing
-    methods: list[str] = field(
-        default_factory=lambda: list(METHODS)
-    )  # texture, the baseline, and others
+    methods: list[str] = field(default_factory=lambda: list(METHODS))  # texture, the baseline, and others
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one

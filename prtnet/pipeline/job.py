@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, sh
 from prtnet.config import METHODS, STAGES, Config, LightOptions
-from prtnet.data import builtin, directions, light, scene, vertex
+from prtnet.data import atlas, atlas_set, builtin, directions, light, quantise, scene, vertex
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
+from prtnet.render import transfer_map
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
 
@@ -96,6 +97,14 @@ def _light(options: LightOptions) -> Light:
     return light.adjust(found, rotation=options.rotation, window=options.window, window_size=options.window_size)
 
 
+def _check_atlas(config: Config) -> None:
+    options = config.atlas
+    quantise.check(options.format)
+    atlas_set.check(options.sets)
+    atlas.check(options.unwrap, options.padding)
+    transfer_map.check(options.level_of_detail)
+
+
 def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
@@ -104,6 +113,7 @@ def _check(config: Config) -> None:
         raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     recipe.check(config.train)
     _material(config)
+    _check_atlas(config)
     if config.transfer.kind not in directions.KINDS:
         expected = ", ".join(directions.KINDS)
         raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
@@ -116,6 +126,7 @@ def _check(config: Config) -> None:
         "samples.count": 1,
         "samples.test_count": 1,
         "atlas.size": 16,
+        "atlas.dilation": 0,
         "vertex.level": 0,
         "model.width": 1,
         "model.depth": 1,
@@ -129,3 +140,6 @@ def _check(config: Config) -> None:
         group, name = key.split(".")
         if values[group][name] < minimum:
             raise PrtnetError(f"{key}: found {values[group][name]}, expected at least {minimum}")
+    # last, since it starts the driver
+    texel_bytes = quantise.FORMATS[config.atlas.format]
+    atlas_set.check_limits(config.atlas.size, sh.count(config.transfer.bands), texel_bytes, config.atlas.memory_limit)

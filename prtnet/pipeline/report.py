@@ -20,6 +20,8 @@ FILES = {
     "transfer.glsl": "the function prt_transfer with the weights in it, to paste into a shader",
     "transfer.frag": "the same as a whole fragment shader",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
+    "transfer_texture.json": "what the channels are, for readers of the texture",
+    "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "score.json": "the scores below, for programs",
     "export.json": "the measured error of the shader",

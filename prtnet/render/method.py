@@ -2,17 +2,20 @@
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, gl, sh
+from prtnet.data.texture import Page, page_of
 from prtnet.export import gloss
 from prtnet.export.spelling import number, vector
 from prtnet.render.camera import Camera
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
-from prtnet.render.raster import Raster
+from prtnet.render.raster import Group, Raster
+from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
 
@@ -89,25 +92,33 @@ class Shaded:
 
 
 class TextureMethod(Shaded):
-    """Transfer from a texture over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear."""
+    """Transfer from textures over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear or, with mip levels,
+    trilinear."""
 
     def __init__(
-        self, raster: Raster, texture: Float[Array, "s s k"], *, half: bool = False, material: Material = DIFFUSE
+        self,
+        raster: Raster,
+        texture: Float[Array, "s s k"] | Sequence[Page],
+        *,
+        texels: str = "float32",
+        level_of_detail: str = "derivative",
+        material: Material = DIFFUSE,
     ):
-        channels = texture.shape[2]
-        layers = range(gl.layer_count(channels))
-        transfer = "; ".join(f"t{layer} = texture(transfer_map, vec3(atlas_uv, {layer}.0))" for layer in layers)
-        declarations = "uniform sampler2DArray transfer_map;\nin vec2 atlas_uv;\n"
-        super().__init__(raster, range(channels, channels + 1), declarations, transfer, material)
-        self.texture = gl.upload_layers(texture, half=half)
-        # bytes on the graphics card, padding included
-        self.bytes = len(layers) * 4 * (2 if half else 4) * texture.shape[0] * texture.shape[1]
+        # texture: an image, or the pages of the raster's atlas; texels: a format of data.quantise
+        pages = [page_of(texture)] if isinstance(texture, Array) else texture
+        channels = pages[0].levels[0].shape[2]
+        self.map = TransferMap(raster.atlas, pages, texels, level_of_detail)
+        self.bytes = self.map.bytes
+        counts = range(channels, channels + 1)
+        super().__init__(raster, counts, self.map.declarations, self.map.statements, material)
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
-        self.texture.use(1)
-        gl.put(self.program, transfer_map=1)
-        super().render(camera, prepass=prepass)
+
+        def before(group: Group) -> None:
+            self.map.bind(self.program, group.page, camera, self.raster.size)
+
+        self.raster.render(self.program, self.draws, camera, prepass=prepass, before=before)
 
 
 class NetMethod(Shaded):

@@ -5,6 +5,7 @@ what is hidden costs nothing, however dear the fragment shader. Everything is dr
 and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import moderngl
@@ -23,10 +24,11 @@ WHITE = np.ones((1, 1, 3), np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Faces that share an albedo texture: one draw call."""
+    """Faces that share an albedo texture and a page of the atlas: one draw call."""
 
     albedo: moderngl.Texture
     indices: moderngl.Buffer
+    page: int
 
 
 class Raster:
@@ -38,7 +40,7 @@ class Raster:
         self.target = gl.target(size, size, depth=True)
         self._attributes = _attributes(self.scene, atlas)
         # faces in the order they are drawn
-        self.order, self._groups = _groups(self.scene)
+        self.order, self._groups = _groups(self.scene, atlas.page_of_face)
         corners = self.scene.vertices[self.scene.faces[self.order]]
         self._corners = _buffer(corners)
         self._depth = self.program(gl.shader("depth.frag.glsl"))
@@ -65,8 +67,10 @@ class Raster:
         camera: Camera,
         *,
         prepass: bool = True,
+        before: Callable[[Group], None] | None = None,
     ) -> None:
-        """Draw into the frame. Without `prepass` all fragments that are nearest so far are shaded: the plain twin."""
+        """Draw into the frame, calling `before` ahead of each group. Without `prepass` all fragments that are nearest
+        so far are shaded: the plain twin."""
         context, framebuffer = gl.context(), self.target.framebuffer
         matrix = camera.matrix().T
         self._begin()
@@ -79,8 +83,10 @@ class Raster:
             framebuffer.depth_mask = False
             context.depth_func = "=="
         gl.put(program, camera=matrix, albedo_map=0, eye=camera.eye)
-        for albedo, mesh in draws:
+        for group, (albedo, mesh) in zip(self._groups, draws, strict=True):
             albedo.use(0)
+            if before:
+                before(group)
             mesh.render()
         framebuffer.depth_mask = True
 
@@ -127,17 +133,20 @@ def _buffer(values: Float[Array, "*n"]) -> moderngl.Buffer:
     return gl.context().buffer(np.ascontiguousarray(values, np.float32).tobytes())
 
 
-def _groups(scene: Scene) -> tuple[Int[Array, " f"], list[Group]]:
-    """Face order by albedo texture, and one group for each; parts without a texture share a white one."""
+def _groups(scene: Scene, page: Int[Array, " f"]) -> tuple[Int[Array, " f"], list[Group]]:
+    """Face order by albedo texture and page, and one group for each; parts without a texture share a white one."""
     textures = {id(m.texture): m.texture for m in scene.materials if m.texture is not None}
     images = [WHITE, *textures.values()]
     number = {key: i + 1 for i, key in enumerate(textures)}
     kind = np.array([0 if m.texture is None else number[id(m.texture)] for m in scene.materials])[scene.part]
-    order = np.argsort(kind, kind="stable")
-    groups = []
-    for value in np.unique(kind):
-        faces = np.ascontiguousarray(scene.faces[order[kind[order] == value]], np.int32)
-        groups.append(Group(_mipmapped(images[value]), gl.context().buffer(faces.tobytes())))
+    order = np.lexsort((page, kind))
+    groups, albedo = [], {}
+    for value, number in np.unique(np.stack([kind, page], axis=1), axis=0):
+        chosen = order[(kind[order] == value) & (page[order] == number)]
+        faces = np.ascontiguousarray(scene.faces[chosen], np.int32)
+        if value not in albedo:
+            albedo[value] = _mipmapped(images[value])
+        groups.append(Group(albedo[value], gl.context().buffer(faces.tobytes()), int(number)))
     return order, groups
 
 

@@ -149,5 +149,6 @@ def _indexed(scene: Scene, corner_uv: Float32[Array, "f 3 2"], overlap: float) -
         normals=scene.normals[vertex],
         uv=None if scene.uv is None else scene.uv[vertex],
         faces=corner.reshape(-1, 3).astype(np.int32),
+        tangents=None if scene.tangents is None else scene.tangents[vertex],
     )
     return Atlas(indexed, rows[first, 1:].copy().view(np.float32), "xatlas", overlap)

@@ -38,6 +38,7 @@ def atlas_of(job: Job) -> tuple[Atlas, float]:
         normals=arrays["normals"],
         part=arrays["part"],
         uv=arrays.get("material_uv"),
+        tangents=arrays.get("tangents"),
         two_sided=np.zeros(len(arrays["faces"]), bool),
     )
     overlap = np.nan if facts["overlap"] is None else facts["overlap"]
@@ -58,6 +59,7 @@ def _make(job: Job) -> tuple[dict[str, Array], Mapping[str, Any]]:
     mesh = made.scene
     arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals, "part": mesh.part}
     arrays |= {"uv": made.uv} | ({} if mesh.uv is None else {"material_uv": mesh.uv})
+    arrays |= {} if mesh.tangents is None else {"tangents": mesh.tangents}
     overlap = None if np.isnan(made.overlap) else made.overlap
     facts = {"source": made.source, "overlap": overlap, "seconds": time.perf_counter() - start}
     return arrays, facts | ({} if made.sides is None else {"sides": made.sides})

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from prtnet import PrtnetError, sh
 from prtnet.config import METHODS, STAGES, Config, LightOptions
-from prtnet.data import atlas, atlas_set, builtin, directions, light, quantise, scene, vertex
+from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map, quantise, scene, vertex
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
@@ -80,7 +80,13 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
 def _load(config: Config) -> Scene:
     options = config.scene
     if options.path:
-        return scene.load(Path(options.path), two_sided=options.two_sided, without=options.without)
+        maps = {part: normal_map.read(Path(file)) for part, file in options.normal_maps.items()}
+        return scene.load(Path(options.path), two_sided=options.two_sided, without=options.without, normal_maps=maps)
+    for part, file in options.normal_maps.items():
+        raise PrtnetError(
+            f"scene.normal_maps: {file} for part {part}: found the built-in scene {options.name}, whose parts have no "
+            "texture coordinates; expected a file as scene.path"
+        )
     return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
 
 

@@ -47,7 +47,13 @@ class Shaded:
         if gloss_function:
             specular = vector("vec3", np.asarray(self.material.specular))
             defines["GLOSS"] = f"{specular} * prt_gloss(mirrored(), {', '.join(names)})"
-        parts = gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")
+        parts = (
+            gl.shader("surface.glsl"),
+            self._source,
+            gloss_function,
+            gl.shader("albedo.glsl"),
+            gl.shader("shading_normal.glsl"),
+        )
         self.program = self.raster.program(
             "".join(parts) + gl.shader("shading.frag.glsl"),
             LAYERS=self.layers,
@@ -132,5 +138,5 @@ class NetMethod(Shaded):
                 "net shader: expected a function void prt_transfer(vec3, vec3, out vec4 t0, ...), found none"
             )
         arguments = ", ".join(f"t{layer}" for layer in range(outputs))
-        transfer = f"prt_transfer(position, normalize(normal), {arguments})"
+        transfer = f"prt_transfer(position, shading_normal(), {arguments})"
         super().__init__(raster, range(4 * outputs - 3, 4 * outputs + 1), function + "\n", transfer, material)

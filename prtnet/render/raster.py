@@ -5,8 +5,9 @@ what is hidden costs nothing, however dear the fragment shader. Everything is dr
 and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import moderngl
 import numpy as np
@@ -20,6 +21,9 @@ from prtnet.render.gbuffer import GBuffer, from_faces
 
 Array = np.ndarray
 WHITE = np.ones((1, 1, 3), np.float32)
+SMOOTH = np.array([[[0, 0, 1]]], np.float32)
+# of the texture units, 0 is the albedo's and 1 the method's
+NORMAL_UNIT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +33,8 @@ class Group:
     albedo: moderngl.Texture
     indices: moderngl.Buffer
     page: int
+    # None where no part of the scene has one
+    normal_map: moderngl.Texture | None = None
 
 
 class Raster:
@@ -53,6 +59,8 @@ class Raster:
     def program(self, fragment: str, vertex: str = "", **defines: object) -> moderngl.Program:
         """A fragment shader for the colour pass, joined to the vertex shader that all passes share, which may run a
         function of the text `vertex` as AT_VERTEX."""
+        if self.scene.tangents is not None:
+            defines["NORMAL_MAP"] = 1
         return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
 
     def draws(self, program: moderngl.Program) -> list[tuple[moderngl.Texture, moderngl.VertexArray]]:
@@ -82,9 +90,11 @@ class Raster:
             framebuffer.color_mask = True, True, True, True
             framebuffer.depth_mask = False
             context.depth_func = "=="
-        gl.put(program, camera=matrix, albedo_map=0, eye=camera.eye)
+        gl.put(program, camera=matrix, albedo_map=0, normal_map=NORMAL_UNIT, eye=camera.eye)
         for group, (albedo, mesh) in zip(self._groups, draws, strict=True):
             albedo.use(0)
+            if group.normal_map:
+                group.normal_map.use(NORMAL_UNIT)
             if before:
                 before(group)
             mesh.render()
@@ -120,7 +130,8 @@ def _attributes(scene: Scene, atlas: Atlas) -> list[tuple[moderngl.Buffer, str, 
     factor = np.empty((len(scene.vertices), 3), np.float32)
     factor[scene.faces.ravel()] = np.repeat(np.stack([m.albedo for m in scene.materials])[scene.part], 3, axis=0)
     albedo_uv = np.zeros((len(scene.vertices), 2)) if scene.uv is None else scene.uv
-    return [
+    tangents = [] if scene.tangents is None else [(_buffer(scene.tangents), "4f", "in_tangent")]
+    return tangents + [
         (_buffer(scene.vertices), "3f", "in_position"),
         (_buffer(scene.normals), "3f", "in_normal"),
         (_buffer(atlas.uv), "2f", "in_atlas_uv"),
@@ -134,25 +145,41 @@ def _buffer(values: Float[Array, "*n"]) -> moderngl.Buffer:
 
 
 def _groups(scene: Scene, page: Int[Array, " f"]) -> tuple[Int[Array, " f"], list[Group]]:
-    """Face order by albedo texture and page, and one group for each; parts without a texture share a white one."""
-    textures = {id(m.texture): m.texture for m in scene.materials if m.texture is not None}
-    images = [WHITE, *textures.values()]
-    number = {key: i + 1 for i, key in enumerate(textures)}
-    kind = np.array([0 if m.texture is None else number[id(m.texture)] for m in scene.materials])[scene.part]
-    order = np.lexsort((page, kind))
-    groups, albedo = [], {}
-    for value, number in np.unique(np.stack([kind, page], axis=1), axis=0):
-        chosen = order[(kind[order] == value) & (page[order] == number)]
+    """Face order by albedo texture, normal map and page, and one group for each; parts that have no texture share a
+    white one, and no normal map is a smooth one."""
+    albedos, of_albedo = _distinct([material.texture for material in scene.materials], WHITE, _mipmapped)
+    maps, of_map = _distinct([material.normal_map for material in scene.materials], SMOOTH, _bilinear)
+    kinds = np.stack([of_albedo[scene.part], of_map[scene.part], page], axis=1)
+    order = np.lexsort(kinds.T[::-1])
+    groups = []
+    for kind in np.unique(kinds, axis=0):
+        chosen = order[(kinds[order] == kind).all(axis=1)]
         faces = np.ascontiguousarray(scene.faces[chosen], np.int32)
-        if value not in albedo:
-            albedo[value] = _mipmapped(images[value])
-        groups.append(Group(albedo[value], gl.context().buffer(faces.tobytes()), int(number)))
+        albedo, normal_map = albedos[kind[0]](), None if scene.tangents is None else maps[kind[1]]()
+        groups.append(Group(albedo, gl.context().buffer(faces.tobytes()), int(kind[2]), normal_map))
     return order, groups
+
+
+def _distinct(
+    images: Sequence[Array | None], none: Array, upload: Callable[[Array], moderngl.Texture]
+) -> tuple[list[Callable[[], moderngl.Texture]], Int[Array, " m"]]:
+    """(makers of the different textures, `none` first, each uploaded once and only when asked for; number of each)."""
+    different = {id(image): image for image in images if image is not None}
+    number = {key: place for place, key in enumerate(different, 1)}
+    makers = [cache(partial(upload, image)) for image in (none, *different.values())]
+    return makers, np.array([0 if image is None else number[id(image)] for image in images])
 
 
 def _mipmapped(image: Float[Array, "h w 3"]) -> moderngl.Texture:
     made = gl.upload(image, half=True)
     made.build_mipmaps()
     made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    made.repeat_x = made.repeat_y = True
+    return made
+
+
+def _bilinear(image: Float[Array, "h w 3"]) -> moderngl.Texture:
+    made = gl.upload(image)
+    made.filter = (moderngl.LINEAR, moderngl.LINEAR)
     made.repeat_x = made.repeat_y = True
     return made

@@ -36,13 +36,12 @@ class TransferMap:
 
     def __init__(self, atlas: Atlas, pages: Sequence[Page], texels: str, level_of_detail: str):
         check(level_of_detail)
-        levels: Sequence[Array] = pages[0].levels
+        self.layers = gl.layer_count(pages[0].levels[0].shape[2])
         self._stored = [quantise.encode(page.levels, page.used, texels) for page in pages]
         self._textures: list[moderngl.TextureArray] = [gl.upload_layers(stored.levels) for stored in self._stored]
         self._decoded = texels == "uint8"
-        self._by_distance = level_of_detail == "distance" and len(levels) > 1
+        self._by_distance = level_of_detail == "distance" and len(pages[0].levels) > 1
         self._texel_sizes = texel_sizes(atlas, [len(page.used) for page in pages])
-        self.layers = gl.layer_count(levels[0].shape[2])
         counts = [level.shape[0] * level.shape[1] for page in pages for level in page.levels]
         # bytes on the graphics card, padding included
         self.bytes = sum(counts) * 4 * self.layers * quantise.FORMATS[texels]

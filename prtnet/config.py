@@ -23,9 +23,7 @@ class SceneOptions:
     seed: int = 0  # built-in scenes: placement of leaves, strips, books
     two_sided: str = "auto"  # files: auto = the file's word, else parts that are not closed; all; none
     without: list[str] = field(default_factory=list)  # files: names of parts to leave out, a sea around an island, say
-    normal_maps: dict[str, str] = field(
-        default_factory=dict
-    )  # files: image of the tangent-space normals of a part, beside or instead of the file's own
+    normal_maps: Any = None  # files: {part: image} of tangent-space normals, where the file has none or others
     camera: str = "auto"  # orbit, inside, or auto = the scene's own word, else by rays from its middle
 
 

@@ -23,6 +23,8 @@ Array = np.ndarray
 
 SETS = ("one", "parts")
 LEAST_SIDE, STEP = 16, 4
+# texels along a side, and layers that the least number of uniforms and of array layers suffices for
+EVERYWHERE = (1024, 64)
 
 
 def check(sets: str) -> None:
@@ -33,10 +35,12 @@ def check(sets: str) -> None:
 
 def check_limits(size: int, coefficients: int, texel_bytes: int, limit_gib: float) -> None:
     """Raises PrtnetError, naming key and limit, for textures that this driver or `limit_gib` has no room for."""
-    side, layers, matrices = gl.largest_texture()
+    needed = gl.layer_count(coefficients)
+    # the driver is not started for what every OpenGL 3.3 can do
+    small = size <= EVERYWHERE[0] and needed <= EVERYWHERE[1]
+    side, layers, matrices = (size, needed, needed) if small else gl.largest_texture()
     if size > side:
         raise PrtnetError(f"atlas.size: found {size}, expected at most {side} (GL_MAX_TEXTURE_SIZE of this driver)")
-    needed = gl.layer_count(coefficients)
     for limit, name in ((layers, "GL_MAX_ARRAY_TEXTURE_LAYERS"), (matrices, "GL_MAX_FRAGMENT_UNIFORM_COMPONENTS / 16")):
         if needed > limit:
             most = isqrt(4 * limit)

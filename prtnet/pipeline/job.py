@@ -78,16 +78,24 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
 
 
 def _load(config: Config) -> Scene:
-    options = config.scene
+    options, maps = config.scene, _normal_maps(config)
     if options.path:
-        maps = {part: normal_map.read(Path(file)) for part, file in options.normal_maps.items()}
-        return scene.load(Path(options.path), two_sided=options.two_sided, without=options.without, normal_maps=maps)
-    for part, file in options.normal_maps.items():
+        images = {part: normal_map.read(Path(file)) for part, file in maps.items()}
+        path = Path(options.path)
+        return scene.load(path, two_sided=options.two_sided, without=options.without, normal_maps=images)
+    for part, file in maps.items():
         raise PrtnetError(
             f"scene.normal_maps: {file} for part {part}: found the built-in scene {options.name}, whose parts have no "
             "texture coordinates; expected a file as scene.path"
         )
     return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
+
+
+def _normal_maps(config: Config) -> dict[str, str]:
+    found = config.scene.normal_maps or {}
+    if not (isinstance(found, dict) and all(isinstance(file, str) for file in found.values())):
+        raise PrtnetError(f"scene.normal_maps: found {found!r}, expected {{part: image, ...}}")
+    return {str(part): file for part, file in found.items()}
 
 
 def _material(config: Config) -> Material:

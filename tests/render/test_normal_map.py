@@ -36,9 +36,9 @@ def relief(size: int = 8) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def drawing() -> Raster:
-    """A ball with a map, a card with another one, both sides, and a floor with none."""
+    """A ball with a map, a card with another one, seen from behind, and a floor with none."""
     ball = replace(sphere(40, radius=0.5), normal_map=relief())
-    card = quad([-1, -0.4, 0], [0.6, 0, 0.2], [0, 0.9, 0], name="card", two_sided=True, normal_map=relief(5))
+    card = quad([-0.4, -0.4, 0.2], [-0.6, 0, -0.2], [0, 0.9, 0], name="card", two_sided=True, normal_map=relief(5))
     floor = quad([-1, -0.6, 1], [2, 0, 0], [0, 0, -2], name="floor")
     return Raster(atlas.make(scene(ball, card, floor), size=256), SIZE)
 

@@ -89,6 +89,7 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
     return facts | {
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],
+        "texture": _texture(job, baked),
         "light": job.light_name,
         "material": job.material.words(),
         "exposure": scored.facts["exposure"],
@@ -118,3 +119,10 @@ def _cuts(job: Job) -> str:
     options = job.config.vertex
     cut = bool(options.subdivide and options.level)
     return f"{', '.join(options.subdivide)} cut {options.level} times" if cut else "as the scene has them"
+
+
+def _texture(job: Job, baked: Baked) -> str:
+    options, sides = job.config.atlas, baked.texture.atlas.sides
+    words = f"{options.size}^2" if sides is None else f"{len(sides)} of {min(sides)}^2 to {max(sides)}^2, one per part"
+    levels = f", mip levels by {options.level_of_detail}" if options.mipmaps else ""
+    return f"{words}, {options.format}{levels}, dilated by {options.dilation}"

@@ -50,7 +50,8 @@ def mesh(scene: Scene, subdivide: Collection[str] = (), level: int = 1) -> Scene
     Positions, normals and uv of new vertices are means of the two they lie between. Raises PrtnetError as `check`.
     """
     check(scene, subdivide, level)
-    made = scene.split_sides()
+    # vertices keep their own normals: a normal map is finer than they are
+    made = replace(scene.split_sides(), tangents=None)
     for _ in range(level if subdivide else 0):
         made = _cut(made, _chosen(made, subdivide))
     used, corner = np.unique(made.faces, return_inverse=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from prtnet import netspec, score, sh
+from prtnet.data import quantise
 from prtnet.pipeline.bake import Baked, BakedMesh, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -43,10 +44,22 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     # with bounces a diffuse material needs no direct transfer
     fetched = 3 if job.groups == 4 and not job.material.glossy else job.groups
-    shaded = TextureMethod(drawing, baked.texture.image, half=options.half, material=job.material, groups=job.groups)
+    shaded = TextureMethod(
+        drawing,
+        baked.texture.pages,
+        texels=options.format,
+        level_of_detail=options.level_of_detail,
+        material=job.material,
+        groups=job.groups,
+    )
+    decoding = fetched * count if options.format == "uint8" else 0
+    texel_bytes = quantise.FORMATS[options.format]
+    sides = baked.texture.atlas.sides or (options.size,)
+    filtering = "trilinear" if options.mipmaps else "bilinear"
     costs = {
-        "macs": score.fetch_macs(fetched * count, "bilinear") + _shading_macs(job),
-        "bytes": fetched * score.texture_bytes(options.size, count, half=options.half),
+        "macs": score.fetch_macs(fetched * count, filtering) + decoding + _shading_macs(job),
+        "bytes": fetched
+        * sum(score.texture_bytes(side, count, texel_bytes=texel_bytes, mipmaps=options.mipmaps) for side in sides),
         "bake_seconds": baked.texture.facts["seconds"],
         "train_seconds": None,
     }

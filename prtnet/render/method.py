@@ -2,18 +2,22 @@
 
 import math
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, gl, sh
+from prtnet.data.texture import Page, page_of
 from prtnet.export import gloss
 from prtnet.export.spelling import number, vector
 from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
-from prtnet.render.raster import Raster
+from prtnet.render.raster import Group, Raster
+from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
 
@@ -84,7 +88,7 @@ class Shaded:
             defines |= {"ROUGHNESS": 1} if self.material.roughness == "file" else {}
         starts = range(0, len(names), self.layers)
         texts = [gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")]
-        texts += [gl.shader("reflectance.frag.glsl")] * own
+        texts += [gl.shader("shading_normal.glsl"), *[gl.shader("reflectance.frag.glsl")] * own]
         self.program = self.raster.program(
             "".join(texts) + gl.shader("shading.frag.glsl"),
             gl.shader("reflectance.vert.glsl") if own else "",
@@ -141,35 +145,41 @@ class Shaded:
 
 
 class TextureMethod(Shaded):
-    """Transfer from a texture over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear."""
+    """Transfer from textures over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear or, with mip levels,
+    trilinear."""
 
     def __init__(
         self,
         raster: Raster,
-        texture: Float[Array, "s s c"],
+        texture: Float[Array, "s s c"] | Sequence[Page],
         *,
-        half: bool = False,
+        texels: str = "float32",
+        level_of_detail: str = "derivative",
         material: Material = DIFFUSE,
         groups: int = 1,
     ):
-        channels = texture.shape[2] // groups
-        padded = padded_groups(texture, groups)
+        # texture: an image, or the pages of the raster's atlas; texels: a format of data.quantise
+        pages = [page_of(texture)] if isinstance(texture, Array) else texture
+        channels = pages[0].levels[0].shape[2] // groups
         # the direct group is for gloss alone
         first = 0 if material.glossy or groups == 1 else gl.layer_count(channels)
-        layers = range(first, padded.shape[2] // 4)
-        fetch = "t{} = texture(transfer_map, vec3(atlas_uv, {}.0))"
-        transfer = "; ".join(fetch.format(layer, layer - first) for layer in layers)
-        declarations = "uniform sampler2DArray transfer_map;\nin vec2 atlas_uv;\n"
-        super().__init__(raster, range(channels, channels + 1), declarations, transfer, material, groups)
-        self.texture = gl.upload_layers(padded[..., 4 * first :], half=half)
-        # bytes on the graphics card, padding included
-        self.bytes = len(layers) * 4 * (2 if half else 4) * texture.shape[0] * texture.shape[1]
+        if groups > 1:
+            pages = [
+                replace(page, levels=tuple(padded_groups(level, groups)[..., 4 * first :] for level in page.levels))
+                for page in pages
+            ]
+        self.map = TransferMap(raster.atlas, pages, texels, level_of_detail, first=first)
+        self.bytes = self.map.bytes
+        counts = range(channels, channels + 1)
+        super().__init__(raster, counts, self.map.declarations, self.map.statements, material, groups)
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
-        self.texture.use(1)
-        gl.put(self.program, transfer_map=1)
-        super().render(camera, prepass=prepass)
+
+        def before(group: Group) -> None:
+            self.map.bind(self.program, group.page, camera, self.raster.size)
+
+        self.raster.render(self.program, self.draws, camera, prepass=prepass, before=before)
 
 
 class NetMethod(Shaded):
@@ -183,7 +193,7 @@ class NetMethod(Shaded):
                 "net shader: expected a function void prt_transfer(vec3, vec3, out vec4 t0, ...), found none"
             )
         arguments = ", ".join(f"t{layer}" for layer in range(outputs))
-        transfer = f"prt_transfer(position, normalize(normal), {arguments})"
+        transfer = f"prt_transfer(position, shading_normal(), {arguments})"
         most = 4 * outputs // groups
         super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
 

@@ -5,8 +5,9 @@ what is hidden costs nothing, however dear the fragment shader. Everything is dr
 and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import moderngl
 import numpy as np
@@ -22,19 +23,27 @@ from prtnet.render.gbuffer import GBuffer, from_faces
 
 Array = np.ndarray
 WHITE = np.ones((1, 1, 3), np.float32)
+SMOOTH = np.array([[[0, 0, 1]]], np.float32)
+# of the texture units, 0 is the albedo's and 1 the method's
+NORMAL_UNIT = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Faces that share their textures: one draw call."""
+    """Faces that share their textures and a page of the atlas: one draw call."""
 
     albedo: moderngl.Texture
     roughness: moderngl.Texture
     indices: moderngl.Buffer
+    page: int
+    # None where no part of the scene has one
+    normal_map: moderngl.Texture | None = None
 
     def use(self) -> None:
         self.albedo.use(0)
         self.roughness.use(reflectance.UNIT)
+        if self.normal_map:
+            self.normal_map.use(NORMAL_UNIT)
 
 
 class Raster:
@@ -46,7 +55,7 @@ class Raster:
         self.target = gl.target(size, size, depth=True)
         self._attributes = _attributes(self.scene, atlas)
         # faces in the order they are drawn
-        self.order, self._groups = _groups(self.scene)
+        self.order, self._groups = _groups(self.scene, atlas.page_of_face)
         corners = self.scene.vertices[self.scene.faces[self.order]]
         self._corners = _buffer(corners)
         self._depth = self.program(gl.shader("depth.frag.glsl"))
@@ -59,6 +68,8 @@ class Raster:
     def program(self, fragment: str, vertex: str = "", **defines: object) -> moderngl.Program:
         """A fragment shader for the colour pass, joined to the vertex shader that all passes share, which may run a
         function of the text `vertex` as AT_VERTEX."""
+        if self.scene.tangents is not None:
+            defines["NORMAL_MAP"] = 1
         return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
 
     def draws(
@@ -76,8 +87,10 @@ class Raster:
         camera: Camera,
         *,
         prepass: bool = True,
+        before: Callable[[Group], None] | None = None,
     ) -> None:
-        """Draw into the frame. Without `prepass` all fragments that are nearest so far are shaded: the plain twin."""
+        """Draw into the frame, calling `before` ahead of each group. Without `prepass` all fragments that are nearest
+        so far are shaded: the plain twin."""
         context, framebuffer = gl.context(), self.target.framebuffer
         matrix = camera.matrix().T
         self._begin()
@@ -89,9 +102,12 @@ class Raster:
             framebuffer.color_mask = True, True, True, True
             framebuffer.depth_mask = False
             context.depth_func = "=="
-        gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, eye=camera.eye)
+        gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, normal_map=NORMAL_UNIT)
+        gl.put(program, eye=camera.eye)
         for group, mesh in draws:
             group.use()
+            if before:
+                before(group)
             mesh.render()
         framebuffer.depth_mask = True
 
@@ -139,7 +155,8 @@ def _attributes(scene: Scene, atlas: Atlas) -> list[tuple[moderngl.Buffer, str, 
     factor = np.empty((len(scene.vertices), 3), np.float32)
     factor[scene.faces.ravel()] = np.repeat(np.stack([m.albedo for m in scene.materials])[scene.part], 3, axis=0)
     albedo_uv = np.zeros((len(scene.vertices), 2)) if scene.uv is None else scene.uv
-    return [
+    tangents = [] if scene.tangents is None else [(_buffer(scene.tangents), "4f", "in_tangent")]
+    return tangents + [
         (_buffer(scene.vertices), "3f", "in_position"),
         (_buffer(scene.normals), "3f", "in_normal"),
         (_buffer(atlas.uv), "2f", "in_atlas_uv"),
@@ -153,28 +170,45 @@ def _buffer(values: Float[Array, "*n"]) -> moderngl.Buffer:
     return gl.context().buffer(np.ascontiguousarray(values, np.float32).tobytes())
 
 
-def _groups(scene: Scene) -> tuple[Int[Array, " f"], list[Group]]:
-    """Face order by textures, and one group for each pair of them; parts without a texture share a white one."""
-    maps = [(m.texture, m.roughness_map) for m in scene.materials]
-    number: dict[tuple[int, int], int] = {(id(None), id(None)): 0}
-    kinds = [number.setdefault((id(albedo), id(rough)), len(number)) for albedo, rough in maps]
-    kind = np.array(kinds)[scene.part]
-    order = np.argsort(kind, kind="stable")
-    uploaded = {id(None): _mipmapped(WHITE)}
+def _groups(scene: Scene, page: Int[Array, " f"]) -> tuple[Int[Array, " f"], list[Group]]:
+    """Face order by textures and page, and one group for each; parts that have no texture share a white one, and no
+    normal map is a smooth one."""
+    albedos, of_albedo = _distinct([material.texture for material in scene.materials], WHITE, _mipmapped)
+    maps, of_map = _distinct([material.normal_map for material in scene.materials], SMOOTH, _bilinear)
+    roughs, of_rough = _distinct([material.roughness_map for material in scene.materials], WHITE[..., 0], _mipmapped)
+    kinds = np.stack([of_albedo[scene.part], of_rough[scene.part], of_map[scene.part], page], axis=1)
+    order = np.lexsort(kinds.T[::-1])
     groups = []
-    for value in np.unique(kind):
-        faces = np.ascontiguousarray(scene.faces[order[kind[order] == value]], np.int32)
-        albedo, rough = maps[kinds.index(value)]
-        for image in (albedo, rough):
-            if image is not None and id(image) not in uploaded:
-                uploaded[id(image)] = _mipmapped(image if image.ndim == 3 else image[..., None])
-        groups.append(Group(uploaded[id(albedo)], uploaded[id(rough)], gl.context().buffer(faces.tobytes())))
+    for kind in np.unique(kinds, axis=0):
+        chosen = order[(kinds[order] == kind).all(axis=1)]
+        faces = np.ascontiguousarray(scene.faces[chosen], np.int32)
+        normal_map = None if scene.tangents is None else maps[kind[2]]()
+        indices = gl.context().buffer(faces.tobytes())
+        groups.append(Group(albedos[kind[0]](), roughs[kind[1]](), indices, int(kind[3]), normal_map))
     return order, groups
 
 
-def _mipmapped(image: Float[Array, "h w _"]) -> moderngl.Texture:
+def _distinct(
+    images: Sequence[Array | None], none: Array, upload: Callable[[Array], moderngl.Texture]
+) -> tuple[list[Callable[[], moderngl.Texture]], Int[Array, " m"]]:
+    """(makers of the different textures, `none` first, each uploaded once and only when asked for; number of each)."""
+    different = {id(image): image for image in images if image is not None}
+    number = {key: place for place, key in enumerate(different, 1)}
+    makers = [cache(partial(upload, image)) for image in (none, *different.values())]
+    return makers, np.array([0 if image is None else number[id(image)] for image in images])
+
+
+def _mipmapped(image: Float[Array, "h w"] | Float[Array, "h w 3"]) -> moderngl.Texture:
+    image = image if image.ndim == 3 else image[..., None]
     made = gl.upload(image, half=True)
     made.build_mipmaps()
     made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    made.repeat_x = made.repeat_y = True
+    return made
+
+
+def _bilinear(image: Float[Array, "h w 3"]) -> moderngl.Texture:
+    made = gl.upload(image)
+    made.filter = (moderngl.LINEAR, moderngl.LINEAR)
     made.repeat_x = made.repeat_y = True
     return made

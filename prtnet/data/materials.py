@@ -1,6 +1,7 @@
-"""Diffuse colours and textures out of glTF headers and OBJ material libraries, as linear RGB.
+"""Colours, textures and roughness out of glTF headers and OBJ material libraries; colours as linear RGB.
 
-glTF: baseColorFactor is linear, baseColorTexture is sRGB. OBJ: Kd and map_Kd are both taken as sRGB. What a file asks
+glTF: baseColorFactor is linear, baseColorTexture is sRGB, roughness is the linear G channel of its texture times its
+factor; metalness is not used. OBJ: Kd and map_Kd are both taken as sRGB. What a file asks
 for and does not come with is logged by name; the factor alone is used then.
 """
 
@@ -31,6 +32,9 @@ class Finish:
     albedo: Float[Array, " 3"] = field(default_factory=lambda: np.full(3, GREY))
     texture: Float32[Array, "h w 3"] | None = None
     two_sided: bool | None = None
+    # None where the file has no word of it
+    roughness: float | None = None
+    roughness_map: Float32[Array, "h w"] | None = None
 
 
 def to_linear(srgb: ArrayLike) -> Float[Array, "*n"]:
@@ -75,14 +79,32 @@ def gltf_finish(material: Any, header: dict[str, Any], path: Path) -> Finish:
         factor = np.full(4, 1.0) if material.baseColorFactor is None else np.asarray(material.baseColorFactor) / 255
     image = material.baseColorTexture
     if image is None and "baseColorTexture" in rough:
-        log.warning("%s: texture %s is missing: the factor alone is used", path, _texture_name(header, rough))
+        name = _texture_name(header, rough, "baseColorTexture")
+        log.warning("%s: texture %s is missing: the factor alone is used", path, name)
     texture = None if image is None else linear_image(image)
-    return Finish(np.clip(np.asarray(factor, np.float64)[:3], 0, 1), texture, bool(material.doubleSided))
+    colour = np.clip(np.asarray(factor, np.float64)[:3], 0, 1)
+    return Finish(colour, texture, bool(material.doubleSided), *_gltf_roughness(material, rough, header, path))
 
 
-def _texture_name(header: dict[str, Any], rough: dict[str, Any]) -> str:
+def _gltf_roughness(
+    material: Any, rough: dict[str, Any], header: dict[str, Any], path: Path
+) -> tuple[float | None, Float32[Array, "h w"] | None]:
+    """(factor, G channel of metallicRoughnessTexture); both None where the header writes neither, though glTF would
+    take such a material for 1."""
+    if not {"roughnessFactor", "metallicRoughnessTexture"} & rough.keys():
+        return None, None
+    image, factor = material.metallicRoughnessTexture, float(np.clip(rough.get("roughnessFactor", 1.0), 0, 1))
+    if image is None:
+        if "metallicRoughnessTexture" in rough:
+            name = _texture_name(header, rough, "metallicRoughnessTexture")
+            log.warning("%s: texture %s is missing: the roughness factor alone is used", path, name)
+        return factor, None
+    return factor, np.asarray(image.convert("RGB"))[..., 1].astype(np.float32) / 255
+
+
+def _texture_name(header: dict[str, Any], rough: dict[str, Any], key: str) -> str:
     try:
-        texture = header["textures"][rough["baseColorTexture"]["index"]]
+        texture = header["textures"][rough[key]["index"]]
         image = header["images"][texture["source"]]
         return str(image.get("uri", image.get("name", "(embedded)")))[:80]
     except (KeyError, IndexError, TypeError):

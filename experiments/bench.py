@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from prtnet.data import atlas, builtin, directions, light, samples, texture, tra
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer, rays
 from prtnet.render import camera
-from prtnet.render.material import PRODUCTS, Material
+from prtnet.render.material import PRODUCTS, Material, OfPart
 from prtnet.render.method import TextureMethod
 from prtnet.render.raster import Raster
 
@@ -121,7 +122,8 @@ def _peak_memory() -> float:
 
 
 def gloss(sizes: list[int]) -> list[Row]:
-    """Frames of the transfer texture with gloss, fixed light and full, as ratios to its diffuse frame, in turns."""
+    """Frames of the transfer texture with gloss, fixed light and full, as ratios to its diffuse frame, in turns; `own`
+    where one part has another exponent, so that every pixel finds its own lobe."""
     # cornell has hardly a triangle: its frames are nothing but fragments
     scenes = [builtin.make(name).centred() for name in ("tea_set", "room", "cornell")]
     return [row for scene in scenes for size in sizes for row in _gloss_rows(scene, size)]
@@ -136,7 +138,11 @@ def _gloss_rows(scene: Scene, size: int) -> list[Row]:
         {**common, "what": "covered share of the frame", "value": drawing.gbuffer(eye).pixel.size / size**2}
     ]
     methods = {}
-    for name, shading in (("diffuse", Material()), *((p, Material(0.5, (0.5, 0.5, 0.5), 20.0, p)) for p in PRODUCTS)):
+    shadings = {"diffuse": Material()}
+    for product in PRODUCTS:
+        shadings[product] = Material(0.5, (0.5, 0.5, 0.5), 20.0, product)
+        shadings[f"{product}, own"] = replace(shadings[product], parts={scene.materials[0].name: OfPart(exponent=5.0)})
+    for name, shading in shadings.items():
         started = time.perf_counter()
         methods[name] = TextureMethod(drawing, image, material=shading)
         methods[name].draw(eye, sun)
@@ -147,9 +153,9 @@ def _gloss_rows(scene: Scene, size: int) -> list[Row]:
             taken[name].append(method.milliseconds(eye, sun, repeats=1))
     for name, values in taken.items():
         rows.append({**common, "what": f"{name}: ms per frame", "value": float(np.median(values))})
-    for product in PRODUCTS:
-        ratios = np.array(taken[product]) / taken["diffuse"]
-        rows.append({**common, "what": f"{product} / diffuse", "value": float(np.median(ratios))})
+    for name in list(methods)[1:]:
+        ratios = np.array(taken[name]) / taken["diffuse"]
+        rows.append({**common, "what": f"{name} / diffuse", "value": float(np.median(ratios))})
     return rows
 
 

@@ -36,7 +36,7 @@ class LightOptions(AnalyticOptions):
     )
     rotation: float = 0.0  # degrees about y, from +z towards +x: counter-clockwise seen from above
     window: str = "none"  # against ringing: hann, lanczos
-    window_size: float | None = None  # bands from which on the window is 0; transfer.bands when left out
+    window_size: float | None = None  # bands from which on the window is 0; as many as the light has when left out
 
 
 @dataclass
@@ -45,7 +45,7 @@ class MaterialOptions:
     specular: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # linear RGB weight of the Phong lobe
     exponent: float = 20.0  # of the Phong lobe, above 0
     product: str = "fixed_light"  # triple product with the light's matrix in the shader, or full: any light
-    # parts of the scene that reflect otherwise: name -> any of diffuse, specular, exponent
+    # parts of the scene that reflect otherwise: name -> any of diffuse, specular, exponent; +material.parts.NAME.KEY=
     parts: dict[str, dict[str, Any]] = field(default_factory=dict)
     roughness: str = "config"  # exponents as above; file: by the file's roughness where it has one, 2 / r^4 - 2
     light_bands: int | None = None  # SH bands of the light; transfer.bands when left out

@@ -31,7 +31,9 @@ def stand_ins(folder: Path) -> None:
     import trimesh
 
     box = trimesh.creation.box((1, 2, 1))
-    box.export(folder / "model.glb")
+    varnished = box.copy()
+    varnished.visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(roughnessFactor=0.4))
+    varnished.export(folder / "model.glb")
     (folder / "folder_of_parts").mkdir()
     box.export(folder / "folder_of_parts" / "box.obj")
     image = oiio.ImageBuf(np.ones((8, 16, 3), np.float32))

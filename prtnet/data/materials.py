@@ -1,6 +1,7 @@
-"""Diffuse colours and textures out of glTF headers and OBJ material libraries, as linear RGB.
+"""Colours, textures and roughness out of glTF headers and OBJ material libraries; colours as linear RGB.
 
-glTF: baseColorFactor is linear, baseColorTexture is sRGB. OBJ: Kd and map_Kd are both taken as sRGB. What a file asks
+glTF: baseColorFactor is linear, baseColorTexture is sRGB, roughness is the linear G channel of its texture times its
+factor; metalness is not used. OBJ: Kd and map_Kd are both taken as sRGB. What a file asks
 for and does not come with is logged by name; the factor alone is used then.
 """
 
@@ -35,6 +36,9 @@ class Finish:
     two_sided: bool | None = None
     # in tangent space
     normal_map: Float32[Array, "_ _ 3"] | None = None
+    # None where the file has no word of it
+    roughness: float | None = None
+    roughness_map: Float32[Array, "h w"] | None = None
 
 
 def to_linear(srgb: ArrayLike) -> Float[Array, "*n"]:
@@ -85,10 +89,12 @@ def gltf_finish(material: Any, header: dict[str, Any], path: Path) -> Finish:
         factor = np.full(4, 1.0) if material.baseColorFactor is None else np.asarray(material.baseColorFactor) / 255
     image = material.baseColorTexture
     if image is None and "baseColorTexture" in rough:
-        log.warning("%s: texture %s is missing: the factor alone is used", path, _texture_name(header, rough))
+        name = _texture_name(header, rough, "baseColorTexture")
+        log.warning("%s: texture %s is missing: the factor alone is used", path, name)
     texture = None if image is None else linear_image(image)
-    albedo = np.clip(np.asarray(factor, np.float64)[:3], 0, 1)
-    return Finish(albedo, texture, bool(material.doubleSided), _gltf_normal_map(material, entries, path))
+    colour = np.clip(np.asarray(factor, np.float64)[:3], 0, 1)
+    bumps = _gltf_normal_map(material, entries, path)
+    return Finish(colour, texture, bool(material.doubleSided), bumps, *_gltf_roughness(material, rough, header, path))
 
 
 def _gltf_normal_map(material: Any, entries: list[dict[str, Any]], path: Path) -> Float32[Array, "h w 3"] | None:
@@ -99,9 +105,25 @@ def _gltf_normal_map(material: Any, entries: list[dict[str, Any]], path: Path) -
     return None if image is None else vectors(image, float((entry or {}).get("scale", 1.0)))
 
 
-def _texture_name(header: dict[str, Any], rough: dict[str, Any]) -> str:
+def _gltf_roughness(
+    material: Any, rough: dict[str, Any], header: dict[str, Any], path: Path
+) -> tuple[float | None, Float32[Array, "h w"] | None]:
+    """(factor, G channel of metallicRoughnessTexture); both None where the header writes neither, though glTF would
+    take such a material for 1."""
+    if not {"roughnessFactor", "metallicRoughnessTexture"} & rough.keys():
+        return None, None
+    image, factor = material.metallicRoughnessTexture, float(np.clip(rough.get("roughnessFactor", 1.0), 0, 1))
+    if image is None:
+        if "metallicRoughnessTexture" in rough:
+            name = _texture_name(header, rough, "metallicRoughnessTexture")
+            log.warning("%s: texture %s is missing: the roughness factor alone is used", path, name)
+        return factor, None
+    return factor, np.asarray(image.convert("RGB"))[..., 1].astype(np.float32) / 255
+
+
+def _texture_name(header: dict[str, Any], rough: dict[str, Any], key: str) -> str:
     try:
-        texture = header["textures"][rough["baseColorTexture"]["index"]]
+        texture = header["textures"][rough[key]["index"]]
         image = header["images"][texture["source"]]
         return str(image.get("uri", image.get("name", "(embedded)")))[:80]
     except (KeyError, IndexError, TypeError):

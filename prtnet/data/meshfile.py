@@ -117,18 +117,42 @@ def _instance(
     vertices, faces, normals = _placed(mesh, np.asarray(matrix, np.float64))
     uv = getattr(mesh.visual, "uv", None)
     uv = np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (len(vertices), 2) else None
-    name = str(label) if known and label else path.stem
     return Part(
-        name,
-        vertices,
-        faces,
-        normals,
-        uv,
-        finish.albedo,
-        finish.texture,
+        name=str(label) if known and label else path.stem,
+        vertices=vertices,
+        faces=faces,
+        normals=normals,
+        uv=uv,
+        albedo=finish.albedo,
+        texture=finish.texture,
         normal_map=finish.normal_map,
         two_sided=finish.two_sided,
+        roughness=_roughness(mesh, path),
+        roughness_factor=finish.roughness,
+        roughness_map=finish.roughness_map,
     )
+
+
+def _roughness(mesh: trimesh.Trimesh, path: Path) -> Float[Array, " v"] | None:
+    """Roughness of the vertices: _ROUGHNESS in glTF, the property `roughness` in PLY; None where there is none.
+
+    Raises PrtnetError for values that are not one finite number for each vertex.
+    """
+    values = mesh.vertex_attributes.get("_ROUGHNESS")
+    if values is None:
+        # a dict of columns from text, an array with names from bytes
+        rows = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+        if "roughness" not in (rows if isinstance(rows, dict) else rows.dtype.names or ()):
+            return None
+        values = rows["roughness"]
+    values = np.asarray(values, np.float64)
+    if values.size != len(mesh.vertices) or not np.isfinite(values).all():
+        found = f"{values.size} values, {np.count_nonzero(~np.isfinite(values))} of them not finite"
+        raise PrtnetError(
+            f"{path}: roughness of vertices: found {found}, expected one number for each of {len(mesh.vertices)} "
+            "vertices; export the file again"
+        )
+    return np.clip(values.reshape(-1), 0, 1)
 
 
 def _placed(
@@ -153,7 +177,8 @@ def _by_material(instances: list[Part]) -> list[Part]:
     """Instances of one material as one part, in the order in which the materials come."""
     groups: dict[object, list[Part]] = {}
     for part in instances:
-        key = (part.name, part.two_sided, tuple(part.albedo), part.uv is None, part.normals is None)
+        lacks = part.uv is None, part.normals is None, part.roughness is None
+        key = (part.name, part.two_sided, tuple(part.albedo), *lacks)
         groups.setdefault(key, []).append(part)
     return [_joined(group) for group in groups.values()]
 
@@ -163,6 +188,7 @@ def _joined(group: list[Part]) -> Part:
     faces = np.concatenate([part.faces + start for part, start in zip(group, starts, strict=True)])
     normals = [part.normals for part in group if part.normals is not None]
     uv = [part.uv for part in group if part.uv is not None]
+    roughness = [part.roughness for part in group if part.roughness is not None]
     return Part(
         name=group[0].name,
         vertices=np.concatenate([part.vertices for part in group]),
@@ -173,6 +199,9 @@ def _joined(group: list[Part]) -> Part:
         texture=group[0].texture,
         normal_map=group[0].normal_map,
         two_sided=group[0].two_sided,
+        roughness=np.concatenate(roughness) if roughness else None,
+        roughness_factor=group[0].roughness_factor,
+        roughness_map=group[0].roughness_map,
     )
 
 

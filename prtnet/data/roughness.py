@@ -5,7 +5,7 @@ metallicRoughness, linear. The B channel, metalness, is not used.
 """
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Float, Float32, Float64, Int32
 
 from prtnet.data.scene import Scene
 
@@ -54,8 +54,8 @@ def sampled(scene: Scene) -> Float32[Array, " v"]:
     return found
 
 
-def part_of_vertices(scene: Scene) -> Array:
-    """The part of each vertex, "v": a vertex has one."""
+def part_of_vertices(scene: Scene) -> Int32[Array, " v"]:
+    """The part of each vertex: a vertex has one."""
     part = np.zeros(len(scene.vertices), np.int32)
     part[scene.faces.ravel()] = np.repeat(scene.part, 3)
     return part

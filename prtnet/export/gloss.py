@@ -33,7 +33,7 @@ def fixed_light(matrix: Float[Array, "3 ki kk"], lobe: Lobe) -> str:
     Raises PrtnetError above MAX_BANDS.
     """
     bands = sh.bands_of(matrix.shape[1])
-    check(bands)
+    check(bands, bands_out=_bands(lobe))
     lines = []
     for i, k, product in _pairs(bands, _bands(lobe)):
         if matrix[:, i, k].any():
@@ -49,7 +49,7 @@ def full(lobe: Lobe, bands: int | None = None, bands_light: int | None = None) -
     """
     bands = bands or _bands(lobe)
     bands_light = bands_light or bands
-    check(bands, bands_light)
+    check(bands, bands_light, _bands(lobe))
     lines = []
     sums: list[list[str]] = [[] for _ in range(sh.count(bands_light))]
     tau = sh.triple_product(bands, bands_light, _bands(lobe))
@@ -77,10 +77,12 @@ def macs(bands: int, product: str, bands_light: int | None = None, bands_out: in
     return products + sum(int(np.count_nonzero(tau[i, :, k])) for i, k, _ in pairs) + 3 * sh.count(bands_light)
 
 
-def check(*bands: int) -> None:
+def check(bands: int, bands_light: int = 1, bands_out: int = 1) -> None:
     """Raises PrtnetError where the sums would be too long for compilers."""
-    if max(bands) > MAX_BANDS:
-        raise PrtnetError(f"transfer.bands: found {max(bands)}, expected at most {MAX_BANDS} with gloss in a shader")
+    orders = {"transfer.bands": bands, "material.light_bands": bands_light, "material.radiance_bands": bands_out}
+    for key, found in orders.items():
+        if found > MAX_BANDS:
+            raise PrtnetError(f"{key}: found {found}, expected at most {MAX_BANDS} with gloss in a shader")
 
 
 def _bands(lobe: Lobe) -> int:
@@ -100,8 +102,6 @@ def _pairs(bands: int, bands_out: int) -> Iterator[tuple[int, int, str]]:
 
 
 def _function(bands: int, lobe: Lobe, body: list[str]) -> str:
-    bands_out = _bands(lobe)
-    check(bands_out)
     names: list[str] = []
     if isinstance(lobe, int):
         lines = [*_recurrence(lobe), *zonal_harmonics("mirrored", np.ones(lobe), names)]

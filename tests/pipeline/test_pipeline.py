@@ -87,6 +87,10 @@ def test_gloss_is_scored_from_the_same_bake(finished, product, macs):
     assert {row.material for row in rows} == {"glossy"}
     assert {row.material for row in score.read(finished / "score.json")[0]} == {"diffuse"}
     by_method = {row.method: row for row in rows if row.reference == "traced"}
+    assert by_method.keys() == {"texture", "vertex", "net", score.NOISE_FLOOR}
+    # the lobe at the vertices costs, too
+    plain = {row.method: row for row in score.read(finished / "score.json")[0]}
+    assert (by_method["vertex"].macs or 0) > (plain["vertex"].macs or 0) + 9
     added = (by_method["texture"].macs or 0) - score.fetch_macs(9, "bilinear") - score.diffuse_macs(9)
     assert added == (macs or gloss.macs(3, "full"))
     assert all(row.psnr is not None and row.psnr > 10 for row in rows)

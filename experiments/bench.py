@@ -2,6 +2,7 @@
 
     python experiments/bench.py tracer [--points 1000000]
     python experiments/bench.py gloss [--sizes 256 1024]
+    python experiments/bench.py texture
 
 prints a table and writes experiments/results/bench_NAME.csv.
 """
@@ -14,11 +15,13 @@ import shlex
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from prtnet.data import atlas, builtin, directions, light, samples, transfer
+from prtnet.data import atlas, builtin, directions, light, samples, texture, transfer
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer, rays
 from prtnet.render import camera
@@ -150,7 +153,63 @@ def _gloss_rows(scene: Scene, size: int) -> list[Row]:
     return rows
 
 
-BENCHES = {"tracer": lambda chosen: tracer(chosen.points), "gloss": lambda chosen: gloss(chosen.sizes)}
+def textures() -> list[Row]:
+    """A 1024^2 transfer texture of the room, whole, against the bare fused tracer on the very same rays; unwrapping
+    is apart. Then what a bounce adds."""
+    size, rays_each = 1024, 1024
+    scene = builtin.make("room").centred()
+    fused = Tracer(scene, kind="fused")
+    started = time.perf_counter()
+    unwrapped = atlas.make(scene, size=size)
+    seconds = time.perf_counter() - started
+    common = {"scene": f"room, {size}^2 x {BANDS**2}", "triangles": len(scene.faces)}
+    rows: list[Row] = [{**common, "what": "unwrapping, s", "value": seconds}]
+    texture.gbuffer(unwrapped, 64)  # the driver compiles
+    ratios = []
+    for repeat in range(3):
+        whole, texels = _cpu(lambda: _texture_of(fused, unwrapped, size, rays_each))
+        bare, _ = _cpu(lambda texels=texels: _bare_gather(fused, texels, rays_each))
+        ratios.append(whole / bare)
+        name = f"of {len(texels.index)} texels x {rays_each} rays, CPU-s ({repeat + 1})"
+        rows += [
+            {**common, "what": f"texture {name}", "value": whole},
+            {**common, "what": f"bare {name}", "value": bare},
+        ]
+    rows.append({**common, "what": "texture / bare fused tracer, median", "value": float(np.median(ratios))})
+    return rows
+
+
+def _texture_of(fused: Tracer, unwrapped: atlas.Atlas, size: int, rays_each: int) -> texture.Texels:
+    texels = texture.gbuffer(unwrapped, size)
+    baked = transfer.bake(
+        fused, texels.positions, texels.normals, geometric_normals=texels.geometric_normals,
+        bands=BANDS, directions=rays_each, rng=np.random.default_rng(0),
+    )  # fmt: skip
+    texture.assemble(texels, baked)
+    return texels
+
+
+def _bare_gather(fused: Tracer, texels: texture.Texels, rays_each: int) -> None:
+    """The kernel alone, on the same rays in the same order and in as many threads."""
+    table = directions.Table(*directions.local_set("cosine_fibonacci", rays_each, np.random.default_rng(0)), BANDS)
+    turns = directions.turns(texels.normals, np.random.default_rng(0).random(len(texels.index)) * 2 * np.pi)
+    origins = fused.origins(texels.positions, texels.geometric_normals)
+    order = samples.morton_order(texels.positions)
+    with ThreadPoolExecutor(transfer.cores()) as pool:
+        list(pool.map(lambda part: fused.gather(origins[part], turns[part], table), np.array_split(order, 64)))
+
+
+def _cpu(work: Callable[[], texture.Texels | None]) -> tuple[float, Any]:
+    started = time.process_time()
+    found = work()
+    return time.process_time() - started, found
+
+
+BENCHES = {
+    "tracer": lambda chosen: tracer(chosen.points),
+    "gloss": lambda chosen: gloss(chosen.sizes),
+    "texture": lambda chosen: textures(),
+}
 
 
 def main() -> None:

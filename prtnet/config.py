@@ -23,6 +23,7 @@ class SceneOptions:
     seed: int = 0  # built-in scenes: placement of leaves, strips, books
     two_sided: str = "auto"  # files: auto = the file's word, else parts that are not closed; all; none
     without: list[str] = field(default_factory=list)  # files: names of parts to leave out, a sea around an island, say
+    normal_maps: Any = None  # files: {part: image} of tangent-space normals, where the file has none or others
     camera: str = "auto"  # orbit, inside, or auto = the scene's own word, else by rays from its middle
 
 
@@ -44,6 +45,11 @@ class MaterialOptions:
     specular: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # linear RGB weight of the Phong lobe
     exponent: float = 20.0  # of the Phong lobe, above 0
     product: str = "fixed_light"  # triple product with the light's matrix in the shader, or full: any light
+    # parts of the scene that reflect otherwise: name -> any of diffuse, specular, exponent
+    parts: dict[str, dict[str, Any]] = field(default_factory=dict)
+    roughness: str = "config"  # exponents as above; file: by the file's roughness where it has one, 2 / r^4 - 2
+    light_bands: int | None = None  # SH bands of the light; transfer.bands when left out
+    radiance_bands: int | None = None  # of what is reflected, at most transfer.bands + light_bands - 1; transfer.bands
 
 
 @dataclass
@@ -68,7 +74,13 @@ class AtlasOptions:
     size: int = 1024  # texels along one side
     single_chart: bool = False  # one chart for both sides of a two-sided face: wrong on leaves, on purpose
     dilation: int = 3  # texels that each chart grows by
-    half: bool = False  # RGBA16F instead of RGBA32F
+    format: str = "float32"  # of a coefficient: float32, float16, or uint8 from its own least to its own greatest value
+    mipmaps: bool = False  # levels of half the side, in which charts do not mix with the empty texels between them
+    level_of_detail: str = "derivative"  # of mipmaps: of the texture coordinate by pixels, or distance to the eye
+    padding: int = 1  # texels that xatlas leaves around each chart; about 2^n keep charts apart on mip level n
+    sets: str = "one"  # texture for the whole scene, or parts: one for each, with size^2 texels together
+    unwrap: str = "auto"  # by xatlas where the file's coordinates are absent or overlap, or never: they are refused
+    memory_limit: float = 8.0  # GiB of the textures without mip levels
 
 
 @dataclass

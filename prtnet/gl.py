@@ -5,11 +5,12 @@ and nowhere else: `upload`, `upload_layers` and `read` take and return top-down 
 coordinate is the top row of its image.
 """
 
+import ctypes
 import logging
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -17,13 +18,17 @@ from typing import Any
 
 import moderngl
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Num
 
 from prtnet import PrtnetError
 
 log = logging.getLogger(__name__)
 SHADERS = Path(__file__).parent / "render" / "shaders"
 EGL: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+# of an array's texels by their NumPy type: moderngl's name, OpenGL's number
+TEXELS = {"float32": "f4", "float16": "f2", "uint8": "f1"}
+GL_TYPES = {"float32": 0x1406, "float16": 0x140B, "uint8": 0x1401}
+GL_TEXTURE_2D_ARRAY, GL_RGBA = 0x8C1A, 0x1908
 _cache = threading.local()
 
 
@@ -136,17 +141,49 @@ def upload(image: Float[np.ndarray, "h w c"], *, half: bool = False) -> moderngl
     return made
 
 
-def upload_layers(image: Float[np.ndarray, "h w k"], *, half: bool = False) -> moderngl.TextureArray:
-    """A bilinear array of ceil(k/4) RGBA layers, the last one padded with 0; clamped at the border."""
-    height, width, channels = image.shape
-    layers, kind = layer_count(channels), np.float16 if half else np.float32
-    padded = np.zeros((layers, height, width, 4), kind)
-    for channel in range(channels):
-        padded[channel // 4, :, :, channel % 4] = image[::-1, :, channel]
-    made = context().texture_array((width, height, layers), 4, padded.tobytes(), dtype="f2" if half else "f4")
+def upload_layers(levels: Sequence[Num[np.ndarray, "_ _ k"]]) -> moderngl.TextureArray:
+    """An array of ceil(k/4) RGBA layers, the last one padded with 0, clamped at the border; texels as the images have
+    them: float32, float16, or uint8, which reads as 0 to 1. One level is bilinear, a chain of halved sides trilinear.
+    """
+    height, width, channels = levels[0].shape
+    layers = layer_count(channels)
+    made = context().texture_array((width, height, layers), 4, _layers(levels[0]), dtype=TEXELS[levels[0].dtype.name])
     made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    if len(levels) > 1:
+        made.build_mipmaps(0, len(levels) - 1)
+        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        for level, image in enumerate(levels[1:], 1):
+            _put_level(made, level, image)
     made.repeat_x = made.repeat_y = False
     return made
+
+
+def _layers(image: Num[np.ndarray, "h w k"]) -> bytes:
+    height, width, channels = image.shape
+    padded = np.zeros((layer_count(channels), height, width, 4), image.dtype)
+    for channel in range(channels):
+        padded[channel // 4, :, :, channel % 4] = image[::-1, :, channel]
+    return padded.tobytes()
+
+
+def _put_level(array: moderngl.TextureArray, level: int, image: Num[np.ndarray, "h w k"]) -> None:
+    """moderngl writes no level but the first of an array: glTexSubImage3D through the library it has loaded."""
+    height, width, channels = image.shape
+    found = [max(1, side >> level) for side in (array.width, array.height)]
+    assert found == [width, height], f"level {level}: {width} x {height} texels, expected {found}"
+    library, kind = ctypes.CDLL(EGL["libgl"]), GL_TYPES[image.dtype.name]
+    array.use(0)
+    library.glTexSubImage3D(
+        GL_TEXTURE_2D_ARRAY, level, 0, 0, 0, width, height, layer_count(channels), GL_RGBA, kind, _layers(image)
+    )
+
+
+def largest_texture() -> tuple[int, int, int]:
+    """The driver's limits: texels along a side, layers of an array, mat4x3 uniforms of a fragment shader."""
+    limits = context().info
+    # each of the four columns may take the room of a vec4
+    matrices = limits["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"] // 16
+    return limits["GL_MAX_TEXTURE_SIZE"], limits["GL_MAX_ARRAY_TEXTURE_LAYERS"], matrices
 
 
 def layer_count(channels: int) -> int:

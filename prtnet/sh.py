@@ -106,18 +106,19 @@ def cosine_lobe(normals: Float[Array, "*n 3"], bands: int) -> Float[Array, "*n k
     return lobe.astype(np.result_type(normals, np.float32), copy=False)
 
 
-def phong_lobe(exponent: float, bands: int) -> Float[Array, " bands"]:
+def phong_lobe(exponent: float | Float[Array, "*n"], bands: int) -> Float[Array, "*n bands"]:
     """s_l of the lobe (e+1)/2pi max(0, cos)^e, normalised to s_0 = 1: blurring a function scales its band l by s_l.
 
     The integrals of t^e P_l(t) over [0, 1] obey s_l = s_{l-2} (e - l + 2) / (e + l + 1), with s_1 = (e+1)/(e+2).
     """
-    if not exponent >= 0:
-        raise PrtnetError(f"Phong exponent: found {exponent}, expected 0 or more")
-    lobe = np.ones(max(bands, 2))
-    lobe[1] = (exponent + 1) / (exponent + 2)
+    e = np.asarray(exponent, np.float64)
+    if not np.all(e >= 0):
+        raise PrtnetError(f"Phong exponent: found {e.min()}, expected 0 or more")
+    lobe = np.ones((*e.shape, max(bands, 2)))
+    lobe[..., 1] = (e + 1) / (e + 2)
     for l in range(2, bands):
-        lobe[l] = lobe[l - 2] * (exponent - l + 2) / (exponent + l + 1)
-    return lobe[:bands]
+        lobe[..., l] = lobe[..., l - 2] * (e - l + 2) / (e + l + 1)
+    return lobe[..., :bands]
 
 
 def window(kind: str, size: float, bands: int) -> Float[Array, " bands"]:

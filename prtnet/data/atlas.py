@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, Int32
 
 from prtnet import PrtnetError, gl
 from prtnet.data import unwrap
@@ -21,6 +21,7 @@ Array = np.ndarray
 # rounding along shared edges hits a few texel centres twice
 MAX_OVERLAP = 1e-3
 UV_SLACK = 1e-6
+UNWRAP = ("auto", "never")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +36,31 @@ class Atlas:
     source: str
     # fraction of the area the file's coordinates cover that they cover more than once; nan without coordinates
     overlap: float
+    # texels along one side of each part's own texture; None where one texture holds the whole scene
+    sides: tuple[int, ...] | None = None
+
+    @property
+    def page_of_face(self) -> Int32[Array, " f"]:
+        """Which texture each face of `scene` reads: that of its part, or the only one."""
+        return np.zeros_like(self.scene.part) if self.sides is None else self.scene.part
 
 
-def make(scene: Scene, *, size: int, single_chart: bool = False) -> Atlas:
+def make(
+    scene: Scene,
+    *,
+    size: int,
+    single_chart: bool = False,
+    unwrap_mode: str = "auto",
+    padding: int = unwrap.PADDING,
+) -> Atlas:
     """An atlas for textures of `size`^2 texels.
 
     With `single_chart` both sides of a two-sided face share one place, as textures do that know nothing of sides: the
-    front decides for both, which is wrong on leaves. Raises PrtnetError when the charts do not fit.
+    front decides for both, which is wrong on leaves. `unwrap_mode` "never" keeps xatlas away; `padding` is the number
+    of texels that xatlas leaves around each chart. Raises PrtnetError when the charts do not fit, and when the file's
+    coordinates cannot serve but must.
     """
+    check(unwrap_mode, padding)
     if size < 16:
         raise PrtnetError(f"atlas.size: found {size}, expected at least 16")
     split = scene.split_sides()
@@ -55,15 +73,28 @@ def make(scene: Scene, *, size: int, single_chart: bool = False) -> Atlas:
         assert split.uv is not None
         log.info("atlas: the file's coordinates, %.3f %% overlap", 100 * overlap)
         return Atlas(split, np.clip(split.uv, 0, 1), "file", float(overlap))
+    if unwrap_mode == "never":
+        raise PrtnetError(
+            f"{scene.name}: atlas.unwrap: found never, but {reason}; expected coordinates in [0, 1] with a place for "
+            "every face, or atlas.unwrap=auto"
+        )
     log.info("atlas: xatlas, since %s", reason)
     back = np.flatnonzero(scene.two_sided)
     sheets = [split.faces[: len(scene.faces)]]
     if sides and not single_chart:
         sheets.append(split.faces[len(scene.faces) :])
-    corner_uv = unwrap.charts(split.frame.to_unit(split.vertices), split.normals, sheets, size)
+    corner_uv = unwrap.charts(split.frame.to_unit(split.vertices), split.normals, sheets, size, padding)
     if single_chart:
         corner_uv = np.concatenate([corner_uv, corner_uv[back][:, ::-1]])
     return _indexed(split, corner_uv, float(overlap))
+
+
+def check(unwrap_mode: str, padding: int) -> None:
+    """Raises PrtnetError, naming the configuration's key, for what there is not."""
+    if unwrap_mode not in UNWRAP:
+        raise PrtnetError(f"atlas.unwrap: found {unwrap_mode!r}, expected one of {', '.join(UNWRAP)}")
+    if not 1 <= padding <= 64:
+        raise PrtnetError(f"atlas.padding: found {padding}, expected 1 to 64 texels")
 
 
 def _unfit(scene: Scene, overlap: float) -> str | None:
@@ -117,6 +148,8 @@ def _indexed(scene: Scene, corner_uv: Float32[Array, "f 3 2"], overlap: float) -
         vertices=scene.vertices[vertex],
         normals=scene.normals[vertex],
         uv=None if scene.uv is None else scene.uv[vertex],
+        roughness=None if scene.roughness is None else scene.roughness[vertex],
         faces=corner.reshape(-1, 3).astype(np.int32),
+        tangents=None if scene.tangents is None else scene.tangents[vertex],
     )
     return Atlas(indexed, rows[first, 1:].copy().view(np.float32), "xatlas", overlap)

@@ -7,7 +7,7 @@ for and does not come with is logged by name; the factor alone is used then.
 import json
 import logging
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from prtnet.data.part import GREY
 log = logging.getLogger(__name__)
 Array = np.ndarray
 GLB_MAGIC = b"glTF"
+# words of MTL files, in lower case
+NORMAL_MAPS = ("norm", "map_bump", "bump")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,8 @@ class Finish:
     albedo: Float[Array, " 3"] = field(default_factory=lambda: np.full(3, GREY))
     texture: Float32[Array, "h w 3"] | None = None
     two_sided: bool | None = None
+    # in tangent space
+    normal_map: Float32[Array, "_ _ 3"] | None = None
 
 
 def to_linear(srgb: ArrayLike) -> Float[Array, "*n"]:
@@ -44,6 +48,12 @@ def linear_image(image: Image.Image) -> Float32[Array, "h w 3"]:
     table = to_linear(np.arange(256) / 255).astype(np.float32)
     # through RGBA: Pillow warns about palettes with transparency otherwise
     return table[np.asarray(image.convert("RGBA"))[..., :3]]
+
+
+def vectors(image: Image.Image, scale: float = 1.0) -> Float32[Array, "h w 3"]:
+    """An 8-bit normal map as vectors of about unit length; `scale` is that of x and y, as glTF has it."""
+    coded = np.asarray(image.convert("RGBA"), np.float32)[..., :3] / 255 * 2 - 1
+    return coded * np.array([scale, scale, 1], np.float32)
 
 
 def gltf_header(path: Path) -> dict[str, Any]:
@@ -77,7 +87,16 @@ def gltf_finish(material: Any, header: dict[str, Any], path: Path) -> Finish:
     if image is None and "baseColorTexture" in rough:
         log.warning("%s: texture %s is missing: the factor alone is used", path, _texture_name(header, rough))
     texture = None if image is None else linear_image(image)
-    return Finish(np.clip(np.asarray(factor, np.float64)[:3], 0, 1), texture, bool(material.doubleSided))
+    albedo = np.clip(np.asarray(factor, np.float64)[:3], 0, 1)
+    return Finish(albedo, texture, bool(material.doubleSided), _gltf_normal_map(material, entries, path))
+
+
+def _gltf_normal_map(material: Any, entries: list[dict[str, Any]], path: Path) -> Float32[Array, "h w 3"] | None:
+    entry = entries[0].get("normalTexture") if len(entries) == 1 else None
+    image = getattr(material, "normalTexture", None)
+    if image is None and entry:
+        log.warning("%s: material %s: the normal map is missing: it is left out", path, material.name)
+    return None if image is None else vectors(image, float((entry or {}).get("scale", 1.0)))
 
 
 def _texture_name(header: dict[str, Any], rough: dict[str, Any]) -> str:
@@ -114,10 +133,33 @@ def read_mtl(path: Path) -> dict[str, Finish]:
             name = line.strip()[len("newmtl") :].strip()
             finishes[name] = Finish()
         elif words[0] == "Kd" and name in finishes:
-            finishes[name] = Finish(_kd(words[1:4], path), finishes[name].texture)
+            finishes[name] = replace(finishes[name], albedo=_kd(words[1:4], path))
         elif words[0] == "map_Kd" and name in finishes:
-            finishes[name] = Finish(finishes[name].albedo, _map(line, path))
+            finishes[name] = replace(finishes[name], texture=_map(line, path))
+        elif words[0].lower() in NORMAL_MAPS and name in finishes:
+            finishes[name] = replace(finishes[name], normal_map=_normal_map(line, path))
     return {name: _undo_black(finish, name, path) for name, finish in finishes.items()}
+
+
+def _normal_map(line: str, path: Path) -> Float32[Array, "h w 3"] | None:
+    """The image of a norm, map_Bump or bump line; -bm is its scale. A grey one is a height map, which is not read."""
+    words = line.split()
+    file = _file(line, path)
+    if file is None:
+        log.warning("%s: normal map %s is missing: it is left out", path, words[-1])
+        return None
+    try:
+        with Image.open(file) as image:
+            coded = np.asarray(image.convert("RGBA"))[..., :3]
+            scale = float(words[words.index("-bm") + 1]) if "-bm" in words else 1.0
+            found = vectors(image, scale)
+    except (UnidentifiedImageError, OSError, ValueError) as error:
+        log.warning("%s: normal map cannot be read (%s): it is left out", path, error)
+        return None
+    if (coded == coded[..., :1]).all():
+        log.warning("%s: %s is grey, a height map: only normal maps are read", path, file.name)
+        return None
+    return found
 
 
 def _kd(words: list[str], path: Path) -> Float[Array, " 3"]:
@@ -131,14 +173,19 @@ def _kd(words: list[str], path: Path) -> Float[Array, " 3"]:
     return to_linear(np.clip(np.broadcast_to(values, 3), 0, 1))
 
 
-def _map(line: str, path: Path) -> Float32[Array, "h w 3"] | None:
-    """The image of a map_Kd line; options may stand before the name, which may hold spaces."""
-    rest = line.strip()[len("map_Kd") :].strip().replace("\\", "/")
+def _file(line: str, path: Path) -> Path | None:
+    """The file of a map line; options may stand before the name, which may hold spaces."""
+    rest = line.strip().partition(" ")[2].strip().replace("\\", "/")
     candidates = [path.parent / rest, path.parent / rest.split()[-1] if rest else path, path.parent / Path(rest).name]
-    for candidate in candidates:
-        if candidate.is_file() and candidate != path:
-            return read_image(candidate)
-    log.warning("%s: texture %s is missing: Kd alone is used", path, rest)
+    return next((candidate for candidate in candidates if candidate.is_file() and candidate != path), None)
+
+
+def _map(line: str, path: Path) -> Float32[Array, "h w 3"] | None:
+    """The image of a map_Kd line."""
+    found = _file(line, path)
+    if found is not None:
+        return read_image(found)
+    log.warning("%s: texture %s is missing: Kd alone is used", path, line.strip().partition(" ")[2].strip())
     return None
 
 
@@ -157,4 +204,4 @@ def _undo_black(finish: Finish, name: str, path: Path) -> Finish:
     if finish.texture is None or finish.albedo.any():
         return finish
     log.info("%s: material %s: Kd 0 under a texture is taken as 1", path, name)
-    return Finish(np.ones(3), finish.texture)
+    return replace(finish, albedo=np.ones(3))

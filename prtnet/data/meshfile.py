@@ -118,7 +118,17 @@ def _instance(
     uv = getattr(mesh.visual, "uv", None)
     uv = np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (len(vertices), 2) else None
     name = str(label) if known and label else path.stem
-    return Part(name, vertices, faces, normals, uv, finish.albedo, finish.texture, finish.two_sided)
+    return Part(
+        name,
+        vertices,
+        faces,
+        normals,
+        uv,
+        finish.albedo,
+        finish.texture,
+        normal_map=finish.normal_map,
+        two_sided=finish.two_sided,
+    )
 
 
 def _placed(
@@ -161,6 +171,7 @@ def _joined(group: list[Part]) -> Part:
         uv=np.concatenate(uv) if uv else None,
         albedo=group[0].albedo,
         texture=group[0].texture,
+        normal_map=group[0].normal_map,
         two_sided=group[0].two_sided,
     )
 

@@ -22,5 +22,11 @@ class Part:
     albedo: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.full(3, GREY))
     # linear RGB that multiplies albedo; row 0 is the top of the image (v = 1)
     texture: Float[np.ndarray, "h w 3"] | None = None
+    # in tangent space, x along u, y along v; row 0 is the top
+    normal_map: Float[np.ndarray, "_ _ 3"] | None = None
     # one word for all faces, or one for each
     two_sided: bool | Bool[np.ndarray, " f"] | None = None
+    # of the vertices; factor and map multiply it, the map as `texture` does
+    roughness: Float[np.ndarray, " v"] | None = None
+    roughness_factor: float | None = None
+    roughness_map: Float[np.ndarray, "h w"] | None = None

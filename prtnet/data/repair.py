@@ -119,7 +119,8 @@ def _compact(part: Part) -> Part:
     normals = None if part.normals is None else part.normals[used]
     uv = None if part.uv is None else part.uv[used]
     faces = corner.reshape(-1, 3).astype(np.int32)
-    return replace(part, vertices=part.vertices[used], faces=faces, normals=normals, uv=uv)
+    rough = None if part.roughness is None else part.roughness[used]
+    return replace(part, vertices=part.vertices[used], faces=faces, normals=normals, uv=uv, roughness=rough)
 
 
 def _whole_normals(part: Part, source: str) -> Part:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
 
 from prtnet import PrtnetError
+from prtnet.data import normal_map
 from prtnet.data.normals import unit
 from prtnet.data.scene import Scene
 
@@ -80,12 +81,13 @@ def _away_from_vertices(weights: Float[Array, "n 3"], rng: np.random.Generator) 
 
 
 def at_barycentric(split: Scene, face: Int[Array, " n"], weights: Float[Array, "n 3"]) -> Samples:
-    """The points of one-sided faces at barycentric weights, with interpolated normals."""
+    """The points of one-sided faces at barycentric weights, with interpolated normals, bent by normal maps."""
     corner = split.faces[face]
     positions = sum(weights[:, i, None] * split.vertices[corner[:, i]] for i in range(3))
     normals = sum(weights[:, i, None].astype(np.float32) * split.normals[corner[:, i]] for i in range(3))
+    normals = normal_map.perturbed(split, face, weights, np.asarray(normals))
     geometric = split.face_normals.astype(np.float32)[face]
-    return Samples(np.asarray(positions), _unit_or(np.asarray(normals), geometric), geometric, face.astype(np.int32))
+    return Samples(np.asarray(positions), _unit_or(normals, geometric), geometric, face.astype(np.int32))
 
 
 def _unit_or(normals: Float32[Array, "n 3"], fallback: Float32[Array, "n 3"]) -> Float32[Array, "n 3"]:

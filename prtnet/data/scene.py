@@ -6,7 +6,7 @@ everything after loading works.
 
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +19,7 @@ from prtnet.data.meshfile import read
 from prtnet.data.normals import crease_normals, face_cross, unit
 from prtnet.data.part import GREY, Part
 from prtnet.data.repair import repair
+from prtnet.data.tangent import vertex_tangents
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -60,6 +61,11 @@ class Material:
     albedo: Float32[Array, " 3"] = field(default_factory=lambda: np.full(3, GREY, np.float32))
     # linear RGB; row 0 is the top of the image (v = 1)
     texture: Float32[Array, "h w 3"] | None = None
+    # of the file, 0 to 1, and what multiplies it; None where it has none
+    roughness: float | None = None
+    roughness_map: Float32[Array, "h w"] | None = None
+    # vectors in tangent space, x along u, y along v upwards
+    normal_map: Float32[Array, "_ _ 3"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +89,10 @@ class Scene:
     camera: str = "auto"
     # after `split_sides`: the face of the unsplit scene that each face comes from
     face_origin: Int32[Array, " f"] | None = None
+    # of the vertices, multiplies the materials'; below 0 where the file has none, None where it has none at all
+    roughness: Float32[Array, " v"] | None = None
+    # unit, with the sign of the bitangent; 0 where a part has no normal map; None where no part has one
+    tangents: Float32[Array, "v 4"] | None = None
 
     @cached_property
     def face_normals(self) -> Float64[Array, "f 3"]:
@@ -116,19 +126,28 @@ class Scene:
             vertices=np.concatenate([self.vertices, self.vertices[used]]),
             normals=np.concatenate([self.normals, -self.normals[used]]),
             uv=None if self.uv is None else np.concatenate([self.uv, self.uv[used]]),
+            roughness=None if self.roughness is None else np.concatenate([self.roughness, self.roughness[used]]),
             faces=np.concatenate([self.faces, behind]).astype(np.int32),
             part=np.concatenate([self.part, self.part[back]]),
             two_sided=np.zeros(len(self.faces) + len(back), bool),
             face_origin=np.concatenate([origin, origin[back]]),
+            # the same relief from behind: n' turns with n
+            tangents=None if self.tangents is None else np.concatenate([self.tangents, -self.tangents[used]]),
         )
 
     def digest(self) -> str:
         """sha256 of everything but the name: the content key of the scene."""
         total = hashlib.sha256()
-        values = [getattr(self, f.name) for f in fields(self) if f.name not in ("name", "materials", "frame")]
+        # what most scenes lack does not stand in their digest
+        apart = {"name", "materials", "frame", "roughness", "tangents"}
+        values = [getattr(self, f.name) for f in fields(self) if f.name not in apart]
         values += [self.frame.centre, self.frame.scale]
         for material in self.materials:
             values += [material.name, material.albedo, material.texture]
+            values += [v for v in (material.roughness, material.roughness_map) if v is not None]
+        values += [] if self.roughness is None else [self.roughness]
+        if self.tangents is not None:
+            values += [self.tangents, *(material.normal_map for material in self.materials)]
         for value in values:
             head = f"{value.dtype} {value.shape}" if isinstance(value, Array) else repr(value)
             total.update(head.encode() + b"\n")
@@ -137,12 +156,20 @@ class Scene:
         return total.hexdigest()
 
 
-def load(path: str | Path, *, two_sided: str = "auto", name: str | None = None, without: Sequence[str] = ()) -> Scene:
+def load(
+    path: str | Path,
+    *,
+    two_sided: str = "auto",
+    name: str | None = None,
+    without: Sequence[str] = (),
+    normal_maps: Mapping[str, Array] | None = None,
+) -> Scene:
     """The scene of a mesh file (OBJ, PLY, STL, OFF, glTF, GLB) or of a folder of them, in the file's coordinates.
 
     `two_sided`: "auto" (glTF's doubleSided; in other formats a part that is not closed), "all" or "none". Degenerate
     and duplicate triangles are dropped with a count in the log, missing normals are computed. `without` names parts
     (materials) to leave out: a sea of a thousand times the area takes a thousand times the samples.
+    `normal_maps` gives parts normal maps, or others than the file does.
     Raises PrtnetError, with the name of the file, for whatever cannot be drawn.
     """
     path = Path(path)
@@ -154,7 +181,13 @@ def load(path: str | Path, *, two_sided: str = "auto", name: str | None = None, 
     kept = [part for part in found if part.name not in without]
     if not kept:
         raise PrtnetError(f"{path}: scene.without leaves no part out of {names}, expected at least one")
-    scene = assemble(name or path.stem, repair(kept, two_sided=two_sided, source=str(path)))
+    maps = normal_maps or {}
+    if set(maps) - set(names):
+        raise PrtnetError(
+            f"{path}: scene.normal_maps: found {sorted(set(maps) - set(names))}, expected some of {names}"
+        )
+    kept = [replace(part, normal_map=maps.get(part.name, part.normal_map)) for part in kept]
+    scene = assemble(name or path.stem, repair(kept, two_sided=two_sided, source=str(path)), source=str(path))
     _report(scene, path)
     return scene
 
@@ -177,13 +210,18 @@ def _report(scene: Scene, path: Path) -> None:
         log.warning(message, path, scene.materials[largest].name, 100 * share)
 
 
-def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene:
-    """One scene from parts, each with its own material. Missing normals are computed, missing uv become zero."""
+def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto", source: str | None = None) -> Scene:
+    """One scene from parts, each with its own material. Missing normals are computed, missing uv become zero.
+
+    `source` names the file in messages. Raises PrtnetError for a normal map on a part that can have no tangents.
+    """
     if camera not in ("auto", "orbit", "inside"):
         raise PrtnetError(f"{name}: camera: found {camera!r}, expected auto, orbit or inside")
     if not sum(len(part.faces) for part in parts):
         raise PrtnetError(f"{name}: no triangles found, expected at least one")
     parts = [part if part.normals is not None else _with_normals(part) for part in parts]
+    parts, tangents = zip(*(_with_tangents(part, source or name) for part in parts), strict=True)
+    mapped = any(part.normal_map is not None for part in parts)
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     sizes = [len(part.faces) for part in parts]
     vertices = np.concatenate([part.vertices for part in parts]).astype(np.float64)
@@ -200,7 +238,17 @@ def assemble(name: str, parts: Sequence[Part], *, camera: str = "auto") -> Scene
         materials=tuple(_material(part) for part in parts),
         frame=frame_of(vertices),
         camera=camera,
+        roughness=_roughness(parts),
+        tangents=np.concatenate(tangents) if mapped else None,
     )
+
+
+def _roughness(parts: Sequence[Part]) -> Float32[Array, " v"] | None:
+    """Of all vertices, -1 in parts that have none."""
+    if all(part.roughness is None for part in parts):
+        return None
+    found = [np.full(len(part.vertices), -1.0) if part.roughness is None else part.roughness for part in parts]
+    return np.concatenate(found).astype(np.float32)
 
 
 def _sides(part: Part) -> Bool[Array, " f"]:
@@ -209,10 +257,40 @@ def _sides(part: Part) -> Bool[Array, " f"]:
 
 def _material(part: Part) -> Material:
     texture = None if part.texture is None else np.asarray(part.texture, np.float32)
-    return Material(part.name, np.asarray(part.albedo, np.float32), texture)
+    rough, normal_map = (
+        None if image is None else np.asarray(image, np.float32) for image in (part.roughness_map, part.normal_map)
+    )
+    return Material(part.name, np.asarray(part.albedo, np.float32), texture, part.roughness_factor, rough, normal_map)
 
 
 def _with_normals(part: Part) -> Part:
     source, faces, normals = crease_normals(part.vertices, part.faces, part.uv)
     uv = None if part.uv is None else part.uv[source]
-    return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv)
+    rough = None if part.roughness is None else part.roughness[source]
+    return replace(part, vertices=part.vertices[source], faces=faces, normals=normals, uv=uv, roughness=rough)
+
+
+def _with_tangents(part: Part, source: str) -> tuple[Part, Float32[Array, "v 4"]]:
+    """The part with vertices split where its coordinates are mirrored, and their tangents; 0 without a normal map."""
+    if part.normal_map is None:
+        return part, np.zeros((len(part.vertices), 4), np.float32)
+    assert part.normals is not None
+    if part.uv is None:
+        raise PrtnetError(
+            f"{source}: part {part.name} has a normal map but no texture coordinates, expected some: its tangents "
+            "follow from them"
+        )
+    at, faces, tangents = vertex_tangents(part.vertices, part.faces, part.normals, part.uv)
+    without = int(np.sum(~tangents[:, :3].any(axis=1)))
+    if without == len(tangents):
+        raise PrtnetError(
+            f"{source}: part {part.name} has a normal map but no tangents: its texture coordinates have no area, "
+            "expected coordinates laid out over an image"
+        )
+    if without:
+        log.warning("%s: %s: %d of %d vertices have no tangent: smooth there", source, part.name, without, len(at))
+    rough = None if part.roughness is None else part.roughness[at]
+    split = replace(
+        part, vertices=part.vertices[at], faces=faces, normals=part.normals[at], uv=part.uv[at], roughness=rough
+    )
+    return split, tangents

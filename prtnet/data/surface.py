@@ -3,6 +3,7 @@
 The nearest texel answers, without blending: among hundreds of rays the steps between texels average out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,13 +49,17 @@ class Surface:
         return np.where((face < 0) | (side < 0), -1, found).astype(np.int32)
 
 
-def of_atlas(scene: Scene, atlas: Atlas, texels: Texels) -> Surface:
-    """Rows in the order of `texels`, for rays that hit `scene`, of which `atlas` was made."""
+def of_atlas(scene: Scene, atlas: Atlas, pages: Sequence[Texels]) -> Surface:
+    """Rows in the order of the texels of all `pages`, for rays that hit `scene`, of which `atlas` was made."""
     behind = np.full(len(scene.faces), -1, np.int32)
     back = np.flatnonzero(scene.two_sided)
     behind[back] = len(scene.faces) + np.arange(len(back))
-    place = np.tile(np.array([texels.size, 0], np.int32), (len(atlas.scene.faces), 1))
-    return Surface(atlas.uv[atlas.scene.faces], behind, place, _grown(texels).ravel())
+    counts = np.cumsum([0] + [len(page.index) for page in pages])
+    grown = [_grown(page).ravel() for page in pages]
+    texels = [np.where(rows < 0, -1, rows + first) for rows, first in zip(grown, counts, strict=False)]
+    starts = np.cumsum([0] + [len(rows) for rows in grown])[: len(pages)]
+    place = np.stack([[page.size for page in pages], starts], axis=1)[atlas.page_of_face].astype(np.int32)
+    return Surface(atlas.uv[atlas.scene.faces], behind, place, np.concatenate(texels).astype(np.int32))
 
 
 def _grown(texels: Texels) -> Int32[Array, "size size"]:
@@ -70,9 +75,10 @@ def _grown(texels: Texels) -> Int32[Array, "size size"]:
     return image
 
 
-def texel_albedo(atlas: Atlas, texels: Texels) -> Float32[Array, "n 3"]:
-    """Linear RGB albedo at each texel's surface point."""
-    return albedo(atlas.scene, texels.face, _weights(atlas.scene, texels.face, texels.positions))
+def texel_albedo(atlas: Atlas, pages: Sequence[Texels]) -> Float32[Array, "n 3"]:
+    """Linear RGB albedo at the surface point of each texel of all pages."""
+    face, positions = (np.concatenate([getattr(page, name) for page in pages]) for name in ("face", "positions"))
+    return albedo(atlas.scene, face, _weights(atlas.scene, face, positions))
 
 
 def _weights(scene: Scene, face: Int[Array, " n"], positions: Float64[Array, "n 3"]) -> Float64[Array, "n 3"]:

@@ -4,17 +4,17 @@ Texture arrays are images: row 0 on top is v = 1, texel centres at half-integers
 """
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import moderngl
 import numpy as np
-import OpenImageIO as oiio
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
-from prtnet import PrtnetError, gl
+from prtnet import gl
+from prtnet.data import mipmap
 from prtnet.data.atlas import Atlas
-from prtnet.data.samples import at_barycentric
+from prtnet.data.samples import Samples, at_barycentric
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -38,15 +38,25 @@ class Texels:
     size: int
 
 
-def gbuffer(atlas: Atlas, size: int) -> Texels:
-    """Rasterise the atlas: one surface point for every texel that a chart touches, be it at a corner.
+def gbuffers(atlas: Atlas, size: int) -> list[Texels]:
+    """The texels of all textures of an atlas: one of `size`^2, or one for each part."""
+    return (
+        [gbuffer(atlas, size)]
+        if atlas.sides is None
+        else [gbuffer(atlas, side, page) for page, side in enumerate(atlas.sides)]
+    )
+
+
+def gbuffer(atlas: Atlas, size: int, page: int = 0) -> Texels:
+    """Rasterise one texture of the atlas: a surface point for every texel that a chart touches, be it at a corner.
 
     The nearest face wins, so a texel whose centre is covered belongs to the face that covers it. The rasteriser names
     face and barycentric coordinates; positions follow in float64 and lie on the surface.
     """
-    image = _rasterise(atlas, size).reshape(-1, 4)
+    drawn = np.flatnonzero(atlas.page_of_face == page)
+    image = _rasterise(atlas, drawn, size).reshape(-1, 4)
     index = np.flatnonzero(image[:, 0] > 0)
-    face = image[index, 0].astype(np.int64) - 1
+    face = drawn[image[index, 0].astype(np.int64) - 1]
     second, third = image[index, 1].astype(np.float64), image[index, 2].astype(np.float64)
     weights = np.stack([1 - second - third, second, third], axis=1)
     edge = (image[index, 3] > 0) | (weights.min(axis=1) < 1e-5)
@@ -56,6 +66,16 @@ def gbuffer(atlas: Atlas, size: int) -> Texels:
         "atlas: %d of %d^2 texels used, %d of them along borders", len(index), size, np.count_nonzero(image[index, 3])
     )
     return Texels(points.positions, points.normals, points.geometric_normals, points.face, index, size)
+
+
+def points(pages: Sequence[Texels]) -> Samples:
+    """The surface points of all texels, one texture after the other."""
+    face = np.concatenate([np.zeros(len(page.index), np.int32) for page in pages])
+    positions, normals, geometric = (
+        np.concatenate([getattr(page, name) for page in pages])
+        for name in ("positions", "normals", "geometric_normals")
+    )
+    return Samples(positions, normals, geometric, face)
 
 
 def _inset(weights: Float64[Array, "n 3"], corners: Float32[Array, "n 3 2"]) -> Float64[Array, "n 3"]:
@@ -68,13 +88,13 @@ def _inset(weights: Float64[Array, "n 3"], corners: Float32[Array, "n 3 2"]) -> 
     return weights + step[:, None] * (1 / 3 - weights)
 
 
-def _rasterise(atlas: Atlas, size: int) -> Float32[Array, "size size 4"]:
-    """(face + 1, b1, b2, distance in texels) of every texel; 0 where no face is near."""
+def _rasterise(atlas: Atlas, drawn: Int[Array, " d"], size: int) -> Float32[Array, "size size 4"]:
+    """(place in `drawn` + 1, b1, b2, distance in texels) of every texel; 0 where no face of those drawn is near."""
     context, target = gl.context(), gl.target(size, size, depth=True)
     shader = gl.program(gl.shader("uv.vert.glsl"), gl.shader("uv_texels.frag.glsl"), gl.shader("uv_texels.geom.glsl"))
     gl.put(shader, size=float(size))
     uv = context.buffer(np.ascontiguousarray(atlas.uv).tobytes())
-    faces = context.buffer(np.ascontiguousarray(atlas.scene.faces).tobytes())
+    faces = context.buffer(np.ascontiguousarray(atlas.scene.faces[drawn]).tobytes())
     target.clear()
     context.disable(moderngl.CULL_FACE | moderngl.BLEND)
     context.enable(moderngl.DEPTH_TEST)
@@ -84,19 +104,45 @@ def _rasterise(atlas: Atlas, size: int) -> Float32[Array, "size size 4"]:
     return target.read()
 
 
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A transfer texture: of a whole scene or, in a set, of one part."""
+
+    # dilated; only the first without mip levels
+    levels: tuple[Float32[Array, "_ _ k"], ...]
+    # texels of the first level that have a surface point of their own
+    used: Bool[Array, "s s"]
+
+
+def page_of(image: Float[Array, "s s k"]) -> Page:
+    """An image every texel of which is in use."""
+    return Page((np.asarray(image, np.float32),), np.ones(image.shape[:2], bool))
+
+
+def page(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3, mipmaps: bool = False) -> Page:
+    """The texture of texels with their transfer; each of its mip levels is dilated by as many texels of its own."""
+    bare, used = assemble(texels, transfer, dilation=0), mask(texels)
+    levels = mipmap.pyramid(bare, used) if mipmaps else [(bare, used)]
+    return Page(tuple(dilated(image, valid, dilation) for image, valid in levels), used)
+
+
 def assemble(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3) -> Float32[Array, "size size k"]:
-    """The texture: the transfer of every used texel, grown outwards by `dilation` rings so that bilinear look-ups near
-    chart borders find no zeros. Each ring is the mean of its valid neighbours among eight.
-    """
-    size = texels.size
-    flat = np.zeros((size * size, transfer.shape[1]), np.float32)
+    """The texture: the transfer of every used texel, dilated."""
+    flat = np.zeros((texels.size * texels.size, transfer.shape[1]), np.float32)
     flat[texels.index] = transfer
-    valid = mask(texels)
-    for _ in range(dilation):
+    return dilated(flat.reshape(texels.size, texels.size, -1), mask(texels), dilation)
+
+
+def dilated(image: Float32[Array, "s s k"], valid: Bool[Array, "s s"], rings: int) -> Float32[Array, "s s k"]:
+    """An image grown outwards by rings of texels, so that bilinear look-ups near chart borders find no zeros. A texel
+    of a ring is the mean of its valid neighbours among eight.
+    """
+    flat, valid = image.reshape(-1, image.shape[2]).copy(), valid.copy()
+    for _ in range(rings):
         ring, sums, counts = _ring(flat, valid)
         flat[ring] = sums / counts[:, None]
         valid.reshape(-1)[ring] = True
-    return flat.reshape(size, size, -1)
+    return flat.reshape(image.shape)
 
 
 def mask(texels: Texels) -> Bool[Array, "size size"]:
@@ -121,31 +167,3 @@ def _ring(
         has = neighbour.reshape(-1)[ring]
         sums[has] += flat[ring[has] + row * size + column]
     return ring, sums, counts.reshape(-1)[ring]
-
-
-def write_exr(path: Path, texture: Float[Array, "h w k"], *, half: bool = True) -> None:
-    """Save as one EXR with channels t00, t01, ... (16 or 32 bit floats, ZIP). Inverse: `read_exr`."""
-    height, width, channels = texture.shape
-    kind = "half" if half else "float"
-    spec = oiio.ImageSpec(width, height, channels, kind)
-    # readers sort channels by name, so the numbers are padded
-    spec.channelnames = [f"t{channel:02d}" for channel in range(channels)]
-    spec.attribute("compression", "zip")
-    output = oiio.ImageOutput.create(str(path))
-    if output is None or not output.open(str(path), spec):
-        raise PrtnetError(f"{path}: cannot be written as EXR: {oiio.geterror()}")
-    written = output.write_image(np.ascontiguousarray(texture, np.float32))
-    if not (output.close() and written):
-        raise PrtnetError(f"{path}: writing the EXR failed: {output.geterror()}")
-
-
-def read_exr(path: Path) -> Float32[Array, "h w k"]:
-    """All channels of an EXR in the order of its file. Inverse of `write_exr`."""
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        raise PrtnetError(f"{path}: expected a readable EXR texture: {oiio.geterror()}")
-    pixels = image.read_image("float")
-    image.close()
-    if pixels is None:
-        raise PrtnetError(f"{path}: expected a whole EXR texture, found a broken one: {image.geterror()}")
-    return np.asarray(pixels, np.float32)

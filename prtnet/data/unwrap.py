@@ -27,8 +27,16 @@ CLOSE = 0.985
 TRIES = 10
 
 
+class DoesNotFit(PrtnetError):
+    """The page is too small for the charts."""
+
+
 def charts(
-    vertices: Float[Array, "v 3"], normals: Float[Array, "v 3"], sheets: Sequence[Int[Array, "_ 3"]], size: int
+    vertices: Float[Array, "v 3"],
+    normals: Float[Array, "v 3"],
+    sheets: Sequence[Int[Array, "_ 3"]],
+    size: int,
+    padding: int = PADDING,
 ) -> Float32[Array, "f 3 2"]:
     """Texture coordinates of the corners of all faces, sheet after sheet; sheets never share a chart.
 
@@ -43,13 +51,13 @@ def charts(
             corner.reshape(-1, 3).astype(np.uint32),
             normals[used].astype(np.float32),
         )
-    atlas.generate(xatlas.ChartOptions(), _packing(resolution=size))
+    atlas.generate(xatlas.ChartOptions(), _packing(padding, resolution=size))
     pages = [_corners(atlas, mesh, len(faces)) for mesh, faces in enumerate(sheets)]
     placed = np.concatenate([page[1] for page in pages])
-    corners, kept, packed = _fit(np.concatenate([page[0] for page in pages])[placed], size)
+    corners, kept, packed = _fit(np.concatenate([page[0] for page in pages])[placed], size, padding)
     placed[placed] = kept
     if not placed.any():
-        raise PrtnetError(f"atlas: xatlas placed none of {len(placed)} faces, expected at least one")
+        raise DoesNotFit(f"atlas: xatlas placed none of {len(placed)} faces, expected at least one")
     log.info(
         "atlas: %d faces in %d charts on %d x %d texels, %.1f s",
         len(placed), packed.chart_count, packed.width, packed.height, time.perf_counter() - start,
@@ -57,9 +65,9 @@ def charts(
     return _fill(vertices[np.concatenate(sheets)], placed, corners[kept] / np.float32(size))
 
 
-def _packing(*, resolution: int = 0, texels_per_unit: float = 0) -> xatlas.PackOptions:
+def _packing(padding: int, *, resolution: int = 0, texels_per_unit: float = 0) -> xatlas.PackOptions:
     options = xatlas.PackOptions()
-    options.padding, options.resolution, options.texels_per_unit = PADDING, resolution, texels_per_unit
+    options.padding, options.resolution, options.texels_per_unit = padding, resolution, texels_per_unit
     options.bilinear = False
     return options
 
@@ -73,12 +81,12 @@ def _corners(atlas: xatlas.Atlas, mesh: int, count: int) -> tuple[Float32[Array,
 
 
 def _fit(
-    corners: Float32[Array, "f 3 2"], size: int
+    corners: Float32[Array, "f 3 2"], size: int, padding: int
 ) -> tuple[Float32[Array, "f 3 2"], Bool[Array, " f"], xatlas.Atlas]:
     """Pack laid out charts again until the page is just under `size` wide and high."""
     best, best_scale, history, scale = None, 0.0, [], 1.0
     while len(history) < TRIES:
-        packed = _pack(corners, scale)
+        packed = _pack(corners, scale, padding)
         side = max(packed.width, packed.height)
         history.append((scale, side))
         if packed.atlas_count == 1 and side <= size and scale > best_scale:
@@ -87,19 +95,19 @@ def _fit(
                 break
         scale = _next_scale(history, best_scale, size)
     if best is None:
-        raise PrtnetError(
+        raise DoesNotFit(
             f"atlas: {len(corners)} faces in charts do not fit, found atlas.size {size}, "
             f"expected about {history[-1][1]}"
         )
     return *_corners(best, 0, len(corners)), best
 
 
-def _pack(corners: Float32[Array, "f 3 2"], scale: float) -> xatlas.Atlas:
+def _pack(corners: Float32[Array, "f 3 2"], scale: float, padding: int) -> xatlas.Atlas:
     # the charts are told apart by shared vertices
     points, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     atlas = xatlas.Atlas()
     atlas.add_uv_mesh(points, index.reshape(-1, 3).astype(np.uint32))
-    atlas.generate(xatlas.ChartOptions(), _packing(texels_per_unit=scale))
+    atlas.generate(xatlas.ChartOptions(), _packing(padding, texels_per_unit=scale))
     return atlas
 
 

@@ -50,7 +50,8 @@ def mesh(scene: Scene, subdivide: Collection[str] = (), level: int = 1) -> Scene
     Positions, normals and uv of new vertices are means of the two they lie between. Raises PrtnetError as `check`.
     """
     check(scene, subdivide, level)
-    made = scene.split_sides()
+    # vertices keep their own normals: a normal map is finer than they are
+    made = replace(scene.split_sides(), tangents=None)
     for _ in range(level if subdivide else 0):
         made = _cut(made, _chosen(made, subdivide))
     used, corner = np.unique(made.faces, return_inverse=True)
@@ -59,6 +60,7 @@ def mesh(scene: Scene, subdivide: Collection[str] = (), level: int = 1) -> Scene
         vertices=made.vertices[used],
         normals=made.normals[used],
         uv=None if made.uv is None else made.uv[used],
+        roughness=None if made.roughness is None else made.roughness[used],
         faces=corner.reshape(-1, 3).astype(np.int32),
     )
 
@@ -81,10 +83,11 @@ def _cut(split: Scene, chosen: Bool[Array, " f"]) -> Scene:
     faces = np.repeat(split.faces, times, axis=0)
     faces[np.repeat(chosen, times)] = children.reshape(-1, 3)
     origin = None if split.face_origin is None else np.repeat(split.face_origin, times)
-    uv = split.uv
-    if uv is not None:
-        low, high = ends.reshape(-1, 2)[first].T
-        uv = np.concatenate([uv, (uv[low] + uv[high]) / 2])
+    low, high = ends.reshape(-1, 2)[first].T
+    uv, rough = (
+        None if values is None else np.concatenate([values, (values[low] + values[high]) / 2])
+        for values in (split.uv, split.roughness)
+    )
     return replace(
         split,
         vertices=np.concatenate([split.vertices, middle.positions]),
@@ -94,6 +97,7 @@ def _cut(split: Scene, chosen: Bool[Array, " f"]) -> Scene:
         part=np.repeat(split.part, times),
         two_sided=np.zeros(len(faces), bool),
         face_origin=origin,
+        roughness=rough,
     )
 
 

@@ -1,10 +1,11 @@
 """Phong gloss as a GLSL function of the transfer, the light and the mirrored direction of view.
 
     vec3 prt_gloss(vec3 mirrored, vec4 t0, vec4 t1, ...)   // sum_ijk tau_ijk t_i L_j s_l(k) Y_k(mirrored), per colour
+    vec3 prt_gloss(vec3 mirrored, float exponent, vec4 t0, vec4 t1, ...)   // where exponents vary
 
 tau is symmetric, so the products of transfer and lobe are summed by pairs, p_ik = t_i y_k + t_k y_i with i <= k and
 y_k = s_l Y_k(mirrored), before any of the three colours is looked at: the full product needs no more multiply-adds
-than the one with a fixed light.
+than the one with a fixed light. Where transfer and lobe have other orders, what one lacks is left out of the pairs.
 
 Both forms are one long sum with literals. On llvmpipe, 25 coefficients at 256^2, such a frame takes 1.7 times a diffuse
 one and compiles in half a second; with the light's matrix as an array of uniforms it took 4 times (7 s to compile), as
@@ -22,72 +23,101 @@ from prtnet.export.spelling import component, number, quads, vector, zonal_harmo
 Array = np.ndarray
 
 MAX_BANDS = 8  # ten thousand multiply-adds, 4 s of compiling; at 5 bands 1.4 thousand and 0.4 s
+# s_l as literals, or how many of them to find from an exponent that the function is given
+Lobe = Float[Array, " bands"] | int
 
 
-def fixed_light(matrix: Float[Array, "3 k k"], lobe: Float[Array, " bands"]) -> str:
-    """The function for one light: `matrix` is M_ik = sum_j tau_ijk L_j per colour (Sloan 2008), `lobe` is s_l.
+def fixed_light(matrix: Float[Array, "3 ki kk"], lobe: Lobe) -> str:
+    """The function for one light: `matrix` is M_ik = sum_j tau_ijk L_j per colour (Sloan 2008).
 
     Raises PrtnetError above MAX_BANDS.
     """
+    bands = sh.bands_of(matrix.shape[1])
+    check(bands)
     lines = []
-    for i, k, product in _pairs(len(lobe)):
+    for i, k, product in _pairs(bands, _bands(lobe)):
         if matrix[:, i, k].any():
             lines.append(f"sum += {vector('vec3', matrix[:, i, k])} * {product};")
-    return _function(lobe, ["vec3 sum = vec3(0.0);", *lines, "return sum;"])
+    return _function(bands, lobe, ["vec3 sum = vec3(0.0);", *lines, "return sum;"])
 
 
-def full(lobe: Float[Array, " bands"]) -> str:
+def full(lobe: Lobe, bands: int | None = None, bands_light: int | None = None) -> str:
     """The function for any light: it reads `uniform mat4x3 light[]`, whose column j of light[l] is RGB of L_{4l+j}.
 
-    Only the tau that are not zero are written. Raises PrtnetError above MAX_BANDS.
+    `bands` of the transfer and of the light are as many as the lobe's where left out. Only the tau that are not zero
+    are written. Raises PrtnetError above MAX_BANDS.
     """
-    bands, lines = len(lobe), []
-    sums: list[list[str]] = [[] for _ in range(sh.count(bands))]
-    tau = sh.triple_product(bands, bands, bands)
-    for i, k, product in _pairs(bands):
+    bands = bands or _bands(lobe)
+    bands_light = bands_light or bands
+    check(bands, bands_light)
+    lines = []
+    sums: list[list[str]] = [[] for _ in range(sh.count(bands_light))]
+    tau = sh.triple_product(bands, bands_light, _bands(lobe))
+    for i, k, product in _pairs(bands, _bands(lobe)):
         lines.append(f"float p{i}_{k} = {product};")
         for j in np.flatnonzero(tau[i, :, k]):
             sums[j].append(f"{number(tau[i, j, k])} * p{i}_{k}")
     lines.append("vec3 sum = vec3(0.0);")
-    lines += [f"sum += light[{j // 4}][{j % 4}] * ({' + '.join(terms)});" for j, terms in enumerate(sums)]
-    return _function(lobe, [*lines, "return sum;"])
+    lines += [f"sum += light[{j // 4}][{j % 4}] * ({' + '.join(terms)});" for j, terms in enumerate(sums) if terms]
+    return _function(bands, lobe, [*lines, "return sum;"])
 
 
-def macs(bands: int, product: str) -> int:
+def macs(bands: int, product: str, bands_light: int | None = None, bands_out: int | None = None) -> int:
     """Multiply-adds of `fixed_light` or `full` at one point, without the SH of the mirrored direction.
 
-    A pair costs 2, or 1 where i = k. A fixed light adds 3 colours per pair; the full product adds 1 for each tau of
-    the pair that is not zero, and 3 for each coefficient of the light.
+    A pair costs 2, or 1 where i = k or one of the two is missing. A fixed light adds 3 colours per pair; the full
+    product adds 1 for each tau of the pair that is not zero, and 3 for each coefficient of the light.
     """
-    count = sh.count(bands)
-    pairs = count * (count + 1) // 2
+    bands_light, bands_out = bands_light or bands, bands_out or bands
+    pairs = list(_pairs(bands, bands_out))
+    products = sh.count(bands) * sh.count(bands_out)
     if product == "fixed_light":
-        return count * count + 3 * pairs
-    tau = sh.triple_product(bands, bands, bands)
-    first, last = np.triu_indices(count)
-    return count * count + int(np.count_nonzero(tau[first, :, last])) + 3 * count
+        return products + 3 * len(pairs)
+    tau = sh.triple_product(bands, bands_light, bands_out)
+    return products + sum(int(np.count_nonzero(tau[i, :, k])) for i, k, _ in pairs) + 3 * sh.count(bands_light)
 
 
-def check(bands: int) -> None:
+def check(*bands: int) -> None:
     """Raises PrtnetError where the sums would be too long for compilers."""
-    if bands > MAX_BANDS:
-        raise PrtnetError(f"transfer.bands: found {bands}, expected at most {MAX_BANDS} with gloss in a shader")
+    if max(bands) > MAX_BANDS:
+        raise PrtnetError(f"transfer.bands: found {max(bands)}, expected at most {MAX_BANDS} with gloss in a shader")
 
 
-def _pairs(bands: int) -> Iterator[tuple[int, int, str]]:
-    """i <= k and the text of p_ik."""
-    count = sh.count(bands)
-    for i in range(count):
+def _bands(lobe: Lobe) -> int:
+    return lobe if isinstance(lobe, int) else len(lobe)
+
+
+def _pairs(bands: int, bands_out: int) -> Iterator[tuple[int, int, str]]:
+    """i of the transfer, k of the lobe and the text of p_ik, which holds t_k y_i as well where both have i and k."""
+    both = sh.count(min(bands, bands_out))
+    for i in range(sh.count(bands)):
         first = component("t", i)
-        yield i, i, f"{first} * y{i}"
-        for k in range(i + 1, count):
-            yield i, k, f"({first} * y{k} + {component('t', k)} * y{i})"
+        for k in range(sh.count(bands_out)):
+            if i == k or max(i, k) >= both:
+                yield i, k, f"{first} * y{k}"
+            elif i < k:
+                yield i, k, f"({first} * y{k} + {component('t', k)} * y{i})"
 
 
-def _function(lobe: Float[Array, " bands"], body: list[str]) -> str:
-    check(len(lobe))
+def _function(bands: int, lobe: Lobe, body: list[str]) -> str:
+    bands_out = _bands(lobe)
+    check(bands_out)
     names: list[str] = []
-    lines = list(zonal_harmonics("mirrored", lobe, names))
+    if isinstance(lobe, int):
+        lines = [*_recurrence(lobe), *zonal_harmonics("mirrored", np.ones(lobe), names)]
+        names = [f"s{l} * ({name})" for l, name in zip(sh.band_index(lobe), names, strict=True)]
+    else:
+        lines = list(zonal_harmonics("mirrored", lobe, names))
     lines += [f"float y{k} = {name};" for k, name in enumerate(names)]
-    arguments = ", ".join(f"vec4 t{layer}" for layer in range(quads(sh.count(len(lobe)))))
-    return "\n  ".join([f"vec3 prt_gloss(vec3 mirrored, {arguments}) {{", *lines, *body]) + "\n}\n"
+    arguments = ["vec3 mirrored", *(["float exponent"] if isinstance(lobe, int) else [])]
+    arguments += [f"vec4 t{layer}" for layer in range(quads(sh.count(bands)))]
+    return "\n  ".join([f"vec3 prt_gloss({', '.join(arguments)}) {{", *lines, *body]) + "\n}\n"
+
+
+def _recurrence(bands: int) -> Iterator[str]:
+    """s_l of a lobe of any exponent, as `sh.phong_lobe` finds them."""
+    yield "float s0 = 1.0;"
+    if bands > 1:
+        yield "float s1 = (exponent + 1.0) / (exponent + 2.0);"
+    for l in range(2, bands):
+        yield f"float s{l} = s{l - 2} * (exponent - {l - 2}.0) / (exponent + {l + 1}.0);"

@@ -1,20 +1,20 @@
 """Stage `bake`: training points, test points, the transfer texture and the vertices, with transfer by ray tracing."""
 
 import logging
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from prtnet import PrtnetError
-from prtnet.data import atlas as atlases
 from prtnet.data import samples, texture, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
+from prtnet.data.texture import Page
+from prtnet.pipeline.atlas import atlas_of, inputs_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, received, texels_and_radiosity
 from prtnet.render import camera
@@ -40,11 +40,11 @@ class PointSet:
 
 @dataclass(frozen=True)
 class BakedTexture:
-    """The baseline: an atlas and the transfer of its covered texels."""
+    """The baseline: an atlas and the transfer of its covered texels, in one texture or in one for each part."""
 
     key: str
     atlas: Atlas
-    image: Float[Array, "s s c"]  # dilated
+    pages: tuple[Page, ...]  # dilated
     facts: Mapping[str, Any]
     radiosity: Radiosity | None  # where there are bounces
 
@@ -136,45 +136,18 @@ def _enclosed(job: Job, points: Samples, values: Array) -> Array:
 
 
 def _texture(job: Job) -> BakedTexture:
-    options = job.config.atlas
-    inputs = job.scene_key | {"size": options.size, "single_chart": options.single_chart, "seed": job.config.seed}
-    atlas, seconds = _atlas(job, inputs)
-    texels = texture.gbuffer(atlas, options.size)
-    points = Samples(
-        texels.positions, texels.normals, texels.geometric_normals, np.zeros(len(texels.positions), np.int32)
-    )
+    options, inputs = job.config.atlas, inputs_of(job)
+    atlas, seconds = atlas_of(job)
+    texels = texture.gbuffers(atlas, options.size)
+    points = texture.points(texels)
     found, radiosity = texels_and_radiosity(job, inputs, atlas, texels, points)
-    image = texture.assemble(texels, found.transfer, dilation=options.dilation)
-    facts = {"texels": len(texels.positions), "uv": atlas.source, "seconds": seconds + found.seconds}
-    return BakedTexture(found.key, atlas, image, facts, radiosity)
-
-
-def _atlas(job: Job, inputs: Mapping[str, Any]) -> tuple[Atlas, float]:
-    """The atlas, unwrapped once: its mesh is kept as arrays, its materials come from the scene."""
-    options = job.config.atlas
-
-    def make() -> tuple[dict[str, Array], dict[str, Any]]:
-        start = time.perf_counter()
-        made = atlases.make(job.scene, size=options.size, single_chart=options.single_chart)
-        mesh = made.scene
-        arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals, "part": mesh.part}
-        arrays |= {"uv": made.uv} | ({} if mesh.uv is None else {"material_uv": mesh.uv})
-        overlap = None if np.isnan(made.overlap) else made.overlap
-        return arrays, {"source": made.source, "overlap": overlap, "seconds": time.perf_counter() - start}
-
-    kept = job.store.make("atlas", inputs, make)
-    arrays, facts = kept.arrays, kept.facts
-    mesh = replace(
-        job.scene,
-        vertices=arrays["vertices"],
-        faces=arrays["faces"],
-        normals=arrays["normals"],
-        part=arrays["part"],
-        uv=arrays.get("material_uv"),
-        two_sided=np.zeros(len(arrays["faces"]), bool),
-    )
-    overlap = np.nan if facts["overlap"] is None else facts["overlap"]
-    return Atlas(mesh, arrays["uv"], facts["source"], overlap), facts["seconds"]
+    parts = np.split(found.transfer, np.cumsum([len(page.index) for page in texels])[:-1])
+    pages = [
+        texture.page(page, part, dilation=options.dilation, mipmaps=options.mipmaps)
+        for page, part in zip(texels, parts, strict=True)
+    ]
+    facts = {"texels": len(points.positions), "uv": atlas.source, "seconds": seconds + found.seconds}
+    return BakedTexture(found.key, atlas, tuple(pages), facts, radiosity)
 
 
 def _mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:

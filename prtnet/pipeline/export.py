@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from prtnet import PrtnetError, gl, netspec, store
-from prtnet.data import texture
-from prtnet.export import glsl, gltf, vertices
+from prtnet.export import glsl, gltf, texture_file, vertices
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
@@ -79,11 +78,19 @@ def _measured(job: Job, points: NetPoints, trained: Trained, shader: str) -> dic
 
 
 def _write_texture(job: Job, baked: BakedTexture) -> None:
-    path, stamp = job.out / "transfer_texture.exr", job.out / ".transfer_texture.key"
-    key = f"{baked.key} {job.config.atlas.dilation} {job.config.atlas.half}"
-    if path.exists() and stamp.exists() and stamp.read_text() == key:
+    options, stamp = job.config.atlas, job.out / ".transfer_texture.key"
+    key = f"{texture_file.FORMAT} {baked.key} {options.dilation} {options.format} {options.mipmaps}"
+    names = (texture_file.EXR, texture_file.JSON, texture_file.MESH)
+    if stamp.exists() and stamp.read_text() == key and all((job.out / name).exists() for name in names):
         return
-    texture.write_exr(path, baked.image, half=job.config.atlas.half)
+    texture_file.write(
+        job.out,
+        baked.atlas,
+        baked.pages,
+        job.frame,
+        storage=options.format,
+        dilation=options.dilation,
+    )
     store.write_text(stamp, key)
 
 

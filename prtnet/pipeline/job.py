@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, sh
 from prtnet.config import METHODS, STAGES, Config, LightOptions
-from prtnet.data import builtin, directions, light, scene, transfer, vertex
+from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map, quantise, scene, transfer, vertex
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
+from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
@@ -84,6 +85,7 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     _display(config).check(chosen)
     loaded = _load(config)
     vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
+    reflectance.check(_material(config), loaded)
     base = Path(config.out or f"runs/{loaded.name}")
     out = base / sweep_point if sweep_point else base
     out.mkdir(parents=True, exist_ok=True)
@@ -94,17 +96,41 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
 
 
 def _load(config: Config) -> Scene:
-    options = config.scene
+    options, maps = config.scene, _normal_maps(config)
     if options.path:
-        return scene.load(Path(options.path), two_sided=options.two_sided, without=options.without)
+        images = {part: normal_map.read(Path(file)) for part, file in maps.items()}
+        path = Path(options.path)
+        return scene.load(path, two_sided=options.two_sided, without=options.without, normal_maps=images)
+    for part, file in maps.items():
+        raise PrtnetError(
+            f"scene.normal_maps: {file} for part {part}: found the built-in scene {options.name}, whose parts have no "
+            "texture coordinates; expected a file as scene.path"
+        )
     return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
+
+
+def _normal_maps(config: Config) -> dict[str, str]:
+    found = config.scene.normal_maps or {}
+    if not (isinstance(found, dict) and all(isinstance(file, str) for file in found.values())):
+        raise PrtnetError(f"scene.normal_maps: found {found!r}, expected {{part: image, ...}}")
+    return {str(part): file for part, file in found.items()}
 
 
 def _material(config: Config) -> Material:
     options = config.material
-    made = Material(options.diffuse, tuple(options.specular), options.exponent, options.product)
+    made = Material(
+        options.diffuse,
+        tuple(options.specular),
+        options.exponent,
+        options.product,
+        {name: reflectance.of_part(name, words) for name, words in options.parts.items()},
+        options.roughness,
+        options.light_bands,
+        options.radiance_bands,
+    )
+    orders = made.orders(config.transfer.bands)
     if made.glossy:
-        gloss.check(config.transfer.bands)
+        gloss.check(config.transfer.bands, *orders)
     return made
 
 
@@ -118,21 +144,18 @@ def _light(options: LightOptions) -> Light:
     return light.adjust(found, rotation=options.rotation, window=options.window, window_size=options.window_size)
 
 
+def _check_atlas(config: Config) -> None:
+    options = config.atlas
+    quantise.check(options.format)
+    atlas_set.check(options.sets)
+    atlas.check(options.unwrap, options.padding)
+    transfer_map.check(options.level_of_detail)
+
+
 def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
         raise PrtnetError(f"stages: found {config.stages}, expected some of {', '.join(STAGES)}")
-    if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
-        raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
-    recipe.check(config.train)
-    _material(config)
-    _display(config)
-    if config.transfer.kind not in directions.KINDS:
-        expected = ", ".join(directions.KINDS)
-        raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
-    if config.transfer.transport not in transfer.TRANSPORTS:
-        expected = ", ".join(transfer.TRANSPORTS)
-        raise PrtnetError(f"transfer.transport: found {config.transfer.transport!r}, expected one of {expected}")
     least = {
         "transfer.bands": 1,
         "transfer.directions": 1,
@@ -140,6 +163,7 @@ def _check(config: Config) -> None:
         "samples.count": 1,
         "samples.test_count": 1,
         "atlas.size": 16,
+        "atlas.dilation": 0,
         "vertex.level": 0,
         "model.width": 1,
         "model.depth": 1,
@@ -155,3 +179,18 @@ def _check(config: Config) -> None:
         group, name = key.split(".")
         if values[group][name] < minimum:
             raise PrtnetError(f"{key}: found {values[group][name]}, expected at least {minimum}")
+    if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
+        raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
+    recipe.check(config.train)
+    _material(config)
+    _display(config)
+    _check_atlas(config)
+    if config.transfer.kind not in directions.KINDS:
+        expected = ", ".join(directions.KINDS)
+        raise PrtnetError(f"transfer.kind: found {config.transfer.kind!r}, expected one of {expected}")
+    if config.transfer.transport not in transfer.TRANSPORTS:
+        expected = ", ".join(transfer.TRANSPORTS)
+        raise PrtnetError(f"transfer.transport: found {config.transfer.transport!r}, expected one of {expected}")
+    # last, since it starts the driver
+    texel_bytes = quantise.FORMATS[config.atlas.format]
+    atlas_set.check_limits(config.atlas.size, sh.count(config.transfer.bands), texel_bytes, config.atlas.memory_limit)

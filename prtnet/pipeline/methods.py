@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from prtnet import netspec, score, sh
+from prtnet.data import quantise
 from prtnet.pipeline.bake import Baked, BakedMesh, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -24,9 +25,9 @@ class Drawn:
 
 
 def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster) -> dict[str, Drawn]:
-    """By name, the texture first. Vertices are drawn only where the material is diffuse."""
+    """By name, the texture first."""
     made = {"texture": _texture(job, baked, drawing)}
-    if baked.mesh and not job.material.glossy:
+    if baked.mesh:
         made["vertex"] = _vertex(job, baked.mesh)
     if baked.points and trained and exported.shader:
         made["net"] = _net(job, baked.points, trained, exported.shader, drawing)
@@ -35,17 +36,30 @@ def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported
 
 def _shading_macs(job: Job) -> int:
     bands = job.config.transfer.bands
-    return score.diffuse_macs(sh.count(bands)) + job.material.gloss_macs(bands)
+    bands_light, _ = job.material.orders(bands)
+    return score.diffuse_macs(sh.count(min(bands, bands_light))) + job.material.gloss_macs(bands)
 
 
 def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     # with bounces a diffuse material needs no direct transfer
     fetched = 3 if job.groups == 4 and not job.material.glossy else job.groups
-    shaded = TextureMethod(drawing, baked.texture.image, half=options.half, material=job.material, groups=job.groups)
+    shaded = TextureMethod(
+        drawing,
+        baked.texture.pages,
+        texels=options.format,
+        level_of_detail=options.level_of_detail,
+        material=job.material,
+        groups=job.groups,
+    )
+    decoding = fetched * count if options.format == "uint8" else 0
+    texel_bytes = quantise.FORMATS[options.format]
+    sides = baked.texture.atlas.sides or (options.size,)
+    filtering = "trilinear" if options.mipmaps else "bilinear"
     costs = {
-        "macs": score.fetch_macs(fetched * count, "bilinear") + _shading_macs(job),
-        "bytes": fetched * score.texture_bytes(options.size, count, half=options.half),
+        "macs": score.fetch_macs(fetched * count, filtering) + decoding + _shading_macs(job),
+        "bytes": fetched
+        * sum(score.texture_bytes(side, count, texel_bytes=texel_bytes, mipmaps=options.mipmaps) for side in sides),
         "bake_seconds": baked.texture.facts["seconds"],
         "train_seconds": None,
     }
@@ -53,17 +67,21 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
 
 
 def _vertex(job: Job, baked: BakedMesh) -> Drawn:
-    vertices, count = len(baked.mesh.vertices), sh.count(job.config.transfer.bands)
+    vertices, bands = len(baked.mesh.vertices), job.config.transfer.bands
+    count = sh.count(bands)
 
     def costs(pixels: float) -> dict[str, Any]:
+        # shared out among the pixels as the dot products are, and three more channels to interpolate
+        gloss = round(vertices * job.material.gloss_macs(bands) / max(pixels, 1)) + 9 * job.material.glossy
         return {
-            "macs": score.vertex_macs(vertices, count, pixels),
+            "macs": score.vertex_macs(vertices, count, pixels) + gloss,
             "bytes": job.groups * score.vertex_bytes(vertices, count),
             "bake_seconds": baked.facts["seconds"],
             "train_seconds": None,
         }
 
-    return Drawn(VertexMethod(baked.mesh, baked.transfer, job.config.render.size, groups=job.groups), costs)
+    size = job.config.render.size
+    return Drawn(VertexMethod(baked.mesh, baked.transfer, size, material=job.material, groups=job.groups), costs)
 
 
 def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Raster) -> Drawn:

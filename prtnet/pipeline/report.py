@@ -20,6 +20,8 @@ FILES = {
     "transfer.glsl": "the function prt_transfer with the weights in it, to paste into a shader",
     "transfer.frag": "the same as a whole fragment shader",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
+    "transfer_texture.json": "what the channels are, for readers of the texture",
+    "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "transfer_vertices.glb": "the same mesh for other programs, transfer as attributes _PRT_0, _PRT_1, ...",
     "pictures": "the first view of each method as the display options of this run show it",
@@ -90,6 +92,7 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
     return facts | {
         "texture texels in use": baked.texture.facts["texels"],
         "texture coordinates": baked.texture.facts["uv"],
+        "texture": _texture(job, baked),
         "light": job.light_name,
         "material": job.material.words(),
         "exposure": scored.facts["exposure"],
@@ -119,3 +122,10 @@ def _cuts(job: Job) -> str:
     options = job.config.vertex
     cut = bool(options.subdivide and options.level)
     return f"{', '.join(options.subdivide)} cut {options.level} times" if cut else "as the scene has them"
+
+
+def _texture(job: Job, baked: Baked) -> str:
+    options, sides = job.config.atlas, baked.texture.atlas.sides
+    words = f"{options.size}^2" if sides is None else f"{len(sides)} of {min(sides)}^2 to {max(sides)}^2, one per part"
+    levels = f", mip levels by {options.level_of_detail}" if options.mipmaps else ""
+    return f"{words}, {options.format}{levels}, dilated by {options.dilation}"

@@ -41,7 +41,8 @@ class Scored:
 def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exported) -> Scored:
     """Rows of all methods and the noise floor against `traced`, of net against `texture`, and, where it is on, of all
     methods and `traced` against `exact`."""
-    coefficients = job.light.coefficients(job.config.transfer.bands)
+    bands_light, _ = job.material.orders(job.config.transfer.bands)
+    coefficients = job.light.coefficients(bands_light)
     inputs = job.scene_key | {
         "methods": job.config.methods,
         "texture": baked.texture.key,

@@ -6,7 +6,7 @@ bounces for red, green and blue, for the diffuse part. Otherwise it has one, dir
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,7 +91,7 @@ def received(
 
 
 def texels_and_radiosity(
-    job: Job, inputs: Mapping[str, Any], atlas: Atlas, texels: Texels, points: Samples
+    job: Job, inputs: Mapping[str, Any], atlas: Atlas, texels: Sequence[Texels], points: Samples
 ) -> tuple[Received, Radiosity | None]:
     """The transfer of the atlas's texels, and with bounces what they send back: each bounce gathers from the last."""
     directions = job.config.transfer.directions

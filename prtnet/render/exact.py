@@ -27,8 +27,9 @@ from prtnet.data.met import Met, meet
 from prtnet.data.samples import R2_STEP
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
+from prtnet.render import reflectance
 from prtnet.render.gbuffer import GBuffer
-from prtnet.render.material import Material, mirrored
+from prtnet.render.material import Material, Reflectance, mirrored
 
 Array = np.ndarray
 
@@ -58,13 +59,17 @@ class Points:
 def points_of(tracer: Tracer, gbuffer: GBuffer, material: Material) -> Points:
     """The covered pixels of a view, in the order of `gbuffer.pixel`."""
     positions, count = gbuffer.positions.astype(np.float64), len(gbuffer.pixel)
+    own = reflectance.of_points(material, gbuffer.parts, gbuffer.part, gbuffer.roughness)
+    if own is None:
+        specular = np.tile(np.asarray(material.specular, np.float64), (count, 1))
+        own = Reflectance(np.full(count, material.diffuse), specular, np.full(count, float(material.exponent)))
     return Points(
         tracer.origins(tracer.frame.from_unit(positions), gbuffer.geometric_normals),
         gbuffer.normals.astype(np.float64),
         mirrored(np.asarray(gbuffer.eye) - positions, gbuffer.normals),
-        material.diffuse * gbuffer.albedo.astype(np.float64),
-        np.tile(np.asarray(material.specular, np.float64), (count, 1)),
-        np.full(count, float(material.exponent)),
+        own.diffuse[:, None] * gbuffer.albedo.astype(np.float64),
+        own.specular,
+        own.exponent,
     )
 
 

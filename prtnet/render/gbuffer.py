@@ -7,6 +7,7 @@ from jaxtyping import Float, Float32, Int, Int32
 
 from prtnet.data.samples import at_barycentric
 from prtnet.data.scene import Scene
+from prtnet.render import reflectance
 from prtnet.render.camera import Point
 from prtnet.render.material import DIFFUSE, Material, radiance
 
@@ -32,10 +33,19 @@ class GBuffer:
     size: int
     # in unit coordinates
     eye: Point
+    # index into `parts`, their names
+    part: Int32[Array, " n"]
+    parts: tuple[str, ...]
+    # of the file; below 0 where it says nothing, None where it does so nowhere
+    roughness: Float32[Array, " n"] | None = None
 
 
 def from_faces(
-    unit_scene: Scene, faces: Float32[Array, "h w 4"], albedo: Float32[Array, "h w 3"], eye: Point
+    unit_scene: Scene,
+    faces: Float32[Array, "h w 4"],
+    albedo: Float32[Array, "h w 3"],
+    eye: Point,
+    roughness: Float32[Array, "h w"] | None = None,
 ) -> GBuffer:
     """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces."""
     pixel, face, weights = barycentric(faces)
@@ -49,6 +59,9 @@ def from_faces(
         pixel=pixel,
         size=len(faces),
         eye=eye,
+        part=unit_scene.part[points.face],
+        parts=reflectance.names_of(unit_scene),
+        roughness=None if roughness is None else roughness.reshape(-1)[pixel],
     )
 
 
@@ -66,7 +79,7 @@ def barycentric(faces: Float32[Array, "h w 4"]) -> tuple[Int[Array, " n"], Int[A
 def shade(
     gbuffer: GBuffer,
     transfer: Float[Array, "n c"],
-    light: Float[Array, "k 3"],
+    light: Float[Array, "kj 3"],
     material: Material = DIFFUSE,
     *,
     groups: int = 1,
@@ -78,7 +91,8 @@ def shade(
     """
     image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
     towards = np.asarray(gbuffer.eye) - gbuffer.positions.astype(np.float64)
+    own = reflectance.of_points(material, gbuffer.parts, gbuffer.part, gbuffer.roughness)
     image[gbuffer.pixel] = radiance(
-        material, gbuffer.albedo, transfer, light, gbuffer.normals, towards, groups=groups, incident=incident
+        material, gbuffer.albedo, transfer, light, gbuffer.normals, towards, own, groups=groups, incident=incident
     )
     return image.reshape(gbuffer.size, gbuffer.size, 3)

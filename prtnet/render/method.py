@@ -2,17 +2,22 @@
 
 import math
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, gl, sh
+from prtnet.data.texture import Page, page_of
 from prtnet.export import gloss
 from prtnet.export.spelling import number, vector
+from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
-from prtnet.render.raster import Raster
+from prtnet.render.raster import Group, Raster
+from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
 
@@ -33,36 +38,76 @@ class Shaded:
         self.raster, self.coefficients, self.material, self.groups = raster, coefficients, material, groups
         self.layers = gl.layer_count(coefficients[-1])
         self._source, self._transfer = source, transfer
-        self._per_light = material.glossy and material.product == "fixed_light"
-        self._light: Array | None = None
-        if not self._per_light:
-            self._compile(gloss.full(self._lobe()) if material.glossy else "")
+        self._attributes = reflectance.attributes(material, raster.scene)
+        self._prepare()
 
-    def _lobe(self) -> Float[Array, " bands"]:
-        """s_l for as many bands as the coefficients have."""
+    def _prepare(self) -> None:
+        """Compile what waits for no light."""
+        material = self.material
+        self._light: Array | None = None
+        self._per_light = material.glossy and material.product == "fixed_light"
+        self.light_counts, self.light_layers = self.coefficients, self.layers
+        if material.light_bands:
+            count = sh.count(material.light_bands)
+            # where the light is the shorter one it is padded
+            self.light_counts = range(count, count + 1)
+            self.light_layers = max(self.layers, gl.layer_count(count))
+        if not self._per_light:
+            function = ""
+            if material.glossy:
+                bands_light, _ = material.orders(self._bands())
+                function = gloss.full(self._lobe(), self._bands(), bands_light)
+            self._compile(function)
+
+    def _lobe(self) -> gloss.Lobe:
+        """s_l for as many bands as the radiance has, or that number where exponents vary."""
+        _, bands = self.material.orders(self._bands())
+        return sh.phong_lobe(self.material.exponent, bands) if self.material.one_exponent else bands
+
+    def _bands(self) -> int:
+        """The bands of the transfer."""
         squares = [count for count in self.coefficients if math.isqrt(count) ** 2 == count]
         if not squares:
             found = f"{self.coefficients[0]} to {self.coefficients[-1]}"
             raise PrtnetError(f"gloss: found {found} coefficients of transfer, expected a square number (1, 4, 9, ...)")
-        return sh.phong_lobe(self.material.exponent, sh.bands_of(squares[-1]))
+        return sh.bands_of(squares[-1])
+
+    def _gloss_call(self, mirrored: str, exponent: str, names: list[str]) -> str:
+        arguments = [mirrored, *([] if self.material.one_exponent else [exponent]), *names]
+        return f"prt_gloss({', '.join(arguments)})"
 
     def _compile(self, gloss_function: str) -> None:
-        names = [f"t{layer}" for layer in range(self.groups * self.layers)]
-        defines: dict[str, Any] = {}
+        names, own = [f"t{layer}" for layer in range(self.groups * self.layers)], bool(self._attributes)
+        defines: dict[str, Any] = {"DIFFUSE": number(self.material.diffuse / math.pi)}
         if gloss_function:
-            specular = vector("vec3", np.asarray(self.material.specular))
-            defines["GLOSS"] = f"{specular} * prt_gloss(mirrored(), {', '.join(names[: self.layers])})"
-        parts = gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")
+            specular = "reflectance.rgb" if own else vector("vec3", np.asarray(self.material.specular))
+            call = self._gloss_call("mirrored()", "exponent()", names[: self.layers])
+            defines["GLOSS"] = f"{specular} * {call}"
+        if own:
+            defines |= {"DIFFUSE": f"({number(1 / math.pi)} * reflectance.a)", "AT_VERTEX": "hand_on_reflectance()"}
+            defines |= {"ROUGHNESS": 1} if self.material.roughness == "file" else {}
+        starts = range(0, len(names), self.layers)
+        texts = [gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")]
+        texts += [gl.shader("shading_normal.glsl"), *[gl.shader("reflectance.frag.glsl")] * own]
         self.program = self.raster.program(
-            "".join(parts) + gl.shader("shading.frag.glsl"),
-            LAYERS=self.layers,
+            "".join(texts) + gl.shader("shading.frag.glsl"),
+            gl.shader("reflectance.vert.glsl") if own else "",
+            LAYERS=self.light_layers,
             DECLARE="vec4 " + ", ".join(names),
             TRANSFER=self._transfer,
-            SUM=irradiance_text(names, self.layers),
-            DIFFUSE=number(self.material.diffuse / math.pi),
+            SUM=irradiance_text([self._summed(names[first : first + self.layers]) for first in starts]),
             **defines,
         )
-        self.draws = self.raster.draws(self.program)
+        self.draws = self.raster.draws(self.program, self._attributes)
+
+    def _summed(self, group: list[str]) -> list[str]:
+        """The vectors of a group that the diffuse sum takes. Where a light has more coefficients than the transfer,
+        what fills up the last vector must not meet them."""
+        if self.light_counts[-1] <= self.coefficients[-1]:
+            return group
+        room = sh.count(self._bands()) - 4 * (self.layers - 1)
+        last = [f"{group[-1]}[{i}]" if i < room else "0.0" for i in range(4)]
+        return [*group[:-1], f"vec4({', '.join(last)})"]
 
     def draw(self, camera: Camera, light: Float[Array, "k 3"]) -> Float32[Array, "h w 3"]:
         """The image under a light's SH coefficients."""
@@ -80,16 +125,19 @@ class Shaded:
 
         Raises PrtnetError where its bands are not those of the transfer.
         """
-        if len(light) not in self.coefficients:
-            raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {self.coefficients[-1]}")
-        padded = np.zeros((4 * self.layers, 3), np.float32)
+        if len(light) not in self.light_counts:
+            raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {self.light_counts[-1]}")
+        padded = np.zeros((4 * self.light_layers, 3), np.float32)
         padded[: len(light)] = light
         if self._per_light and (self._light is None or not np.array_equal(self._light, padded)):
-            lobe = self._lobe()
-            square = padded[: sh.count(len(lobe))]
-            self._compile(gloss.fixed_light(fixed_light_matrix(square, len(lobe)), lobe))
+            bands = self._bands()
+            bands_light, bands_out = self.material.orders(bands)
+            square = padded[: sh.count(bands_light)]
+            self._compile(gloss.fixed_light(fixed_light_matrix(square, bands, bands_out), self._lobe()))
             self._light = padded
-        gl.put(self.program, light=padded)
+        # compilers leave out the end of an array that nothing reads
+        held = getattr(self.program.get("light", None), "array_length", 0)
+        gl.put(self.program, light=padded[: 4 * held])
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
@@ -97,35 +145,41 @@ class Shaded:
 
 
 class TextureMethod(Shaded):
-    """Transfer from a texture over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear."""
+    """Transfer from textures over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear or, with mip levels,
+    trilinear."""
 
     def __init__(
         self,
         raster: Raster,
-        texture: Float[Array, "s s c"],
+        texture: Float[Array, "s s c"] | Sequence[Page],
         *,
-        half: bool = False,
+        texels: str = "float32",
+        level_of_detail: str = "derivative",
         material: Material = DIFFUSE,
         groups: int = 1,
     ):
-        channels = texture.shape[2] // groups
-        padded = padded_groups(texture, groups)
+        # texture: an image, or the pages of the raster's atlas; texels: a format of data.quantise
+        pages = [page_of(texture)] if isinstance(texture, Array) else texture
+        channels = pages[0].levels[0].shape[2] // groups
         # the direct group is for gloss alone
         first = 0 if material.glossy or groups == 1 else gl.layer_count(channels)
-        layers = range(first, padded.shape[2] // 4)
-        fetch = "t{} = texture(transfer_map, vec3(atlas_uv, {}.0))"
-        transfer = "; ".join(fetch.format(layer, layer - first) for layer in layers)
-        declarations = "uniform sampler2DArray transfer_map;\nin vec2 atlas_uv;\n"
-        super().__init__(raster, range(channels, channels + 1), declarations, transfer, material, groups)
-        self.texture = gl.upload_layers(padded[..., 4 * first :], half=half)
-        # bytes on the graphics card, padding included
-        self.bytes = len(layers) * 4 * (2 if half else 4) * texture.shape[0] * texture.shape[1]
+        if groups > 1:
+            pages = [
+                replace(page, levels=tuple(padded_groups(level, groups)[..., 4 * first :] for level in page.levels))
+                for page in pages
+            ]
+        self.map = TransferMap(raster.atlas, pages, texels, level_of_detail, first=first)
+        self.bytes = self.map.bytes
+        counts = range(channels, channels + 1)
+        super().__init__(raster, counts, self.map.declarations, self.map.statements, material, groups)
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
-        self.texture.use(1)
-        gl.put(self.program, transfer_map=1)
-        super().render(camera, prepass=prepass)
+
+        def before(group: Group) -> None:
+            self.map.bind(self.program, group.page, camera, self.raster.size)
+
+        self.raster.render(self.program, self.draws, camera, prepass=prepass, before=before)
 
 
 class NetMethod(Shaded):
@@ -139,19 +193,18 @@ class NetMethod(Shaded):
                 "net shader: expected a function void prt_transfer(vec3, vec3, out vec4 t0, ...), found none"
             )
         arguments = ", ".join(f"t{layer}" for layer in range(outputs))
-        transfer = f"prt_transfer(position, normalize(normal), {arguments})"
+        transfer = f"prt_transfer(position, shading_normal(), {arguments})"
         most = 4 * outputs // groups
         super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
 
 
-def irradiance_text(names: list[str], layers: int) -> str:
-    """sum_i t_i L_i per colour as an expression: one group of `layers` vectors, or those that follow the first."""
-    if len(names) == layers:
-        return " + ".join(f"light[{layer}] * {name}" for layer, name in enumerate(names))
+def irradiance_text(groups: list[list[str]]) -> str:
+    """sum_i t_i L_i per colour as an expression of vectors: of one group, or of those that follow the first."""
+    if len(groups) == 1:
+        return " + ".join(f"light[{layer}] * {name}" for layer, name in enumerate(groups[0]))
     sums = []
-    for colour in range(3):
-        group = names[(colour + 1) * layers : (colour + 2) * layers]
-        sums.append(" + ".join(f"dot(transpose(light[{i}])[{colour}], {name})" for i, name in enumerate(group)))
+    for colour, group in enumerate(groups[1:]):
+        sums.append(" + ".join(f"dot(transpose(light[{layer}])[{colour}], {name})" for layer, name in enumerate(group)))
     return f"vec3({', '.join(sums)})"
 
 

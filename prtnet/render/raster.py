@@ -5,28 +5,45 @@ what is hidden costs nothing, however dear the fragment shader. Everything is dr
 and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import moderngl
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from prtnet import gl
+from prtnet.data import roughness
 from prtnet.data.atlas import Atlas
 from prtnet.data.scene import Scene
+from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer, from_faces
 
 Array = np.ndarray
 WHITE = np.ones((1, 1, 3), np.float32)
+SMOOTH = np.array([[[0, 0, 1]]], np.float32)
+# of the texture units, 0 is the albedo's and 1 the method's
+NORMAL_UNIT = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Faces that share an albedo texture: one draw call."""
+    """Faces that share their textures and a page of the atlas: one draw call."""
 
     albedo: moderngl.Texture
+    roughness: moderngl.Texture
     indices: moderngl.Buffer
+    page: int
+    # None where no part of the scene has one
+    normal_map: moderngl.Texture | None = None
+
+    def use(self) -> None:
+        self.albedo.use(0)
+        self.roughness.use(reflectance.UNIT)
+        if self.normal_map:
+            self.normal_map.use(NORMAL_UNIT)
 
 
 class Raster:
@@ -38,7 +55,7 @@ class Raster:
         self.target = gl.target(size, size, depth=True)
         self._attributes = _attributes(self.scene, atlas)
         # faces in the order they are drawn
-        self.order, self._groups = _groups(self.scene)
+        self.order, self._groups = _groups(self.scene, atlas.page_of_face)
         corners = self.scene.vertices[self.scene.faces[self.order]]
         self._corners = _buffer(corners)
         self._depth = self.program(gl.shader("depth.frag.glsl"))
@@ -51,22 +68,29 @@ class Raster:
     def program(self, fragment: str, vertex: str = "", **defines: object) -> moderngl.Program:
         """A fragment shader for the colour pass, joined to the vertex shader that all passes share, which may run a
         function of the text `vertex` as AT_VERTEX."""
+        if self.scene.tangents is not None:
+            defines["NORMAL_MAP"] = 1
         return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
 
-    def draws(self, program: moderngl.Program) -> list[tuple[moderngl.Texture, moderngl.VertexArray]]:
-        """The mesh bound to a program: an albedo texture and a vertex array per group."""
-        content = [entry for entry in self._attributes if entry[2] in program]
-        return [(group.albedo, gl.context().vertex_array(program, content, group.indices)) for group in self._groups]
+    def draws(
+        self, program: moderngl.Program, attributes: Mapping[str, Float32[Array, "v c"]] | None = None
+    ) -> list[tuple[Group, moderngl.VertexArray]]:
+        """The mesh bound to a program: the textures and a vertex array per group. `attributes` join the mesh's own."""
+        own = [(_buffer(values), f"{values.shape[1]}f", name) for name, values in (attributes or {}).items()]
+        content = [entry for entry in [*self._attributes, *own] if entry[2] in program]
+        return [(group, gl.context().vertex_array(program, content, group.indices)) for group in self._groups]
 
     def render(
         self,
         program: moderngl.Program,
-        draws: list[tuple[moderngl.Texture, moderngl.VertexArray]],
+        draws: list[tuple[Group, moderngl.VertexArray]],
         camera: Camera,
         *,
         prepass: bool = True,
+        before: Callable[[Group], None] | None = None,
     ) -> None:
-        """Draw into the frame. Without `prepass` all fragments that are nearest so far are shaded: the plain twin."""
+        """Draw into the frame, calling `before` ahead of each group. Without `prepass` all fragments that are nearest
+        so far are shaded: the plain twin."""
         context, framebuffer = gl.context(), self.target.framebuffer
         matrix = camera.matrix().T
         self._begin()
@@ -78,9 +102,12 @@ class Raster:
             framebuffer.color_mask = True, True, True, True
             framebuffer.depth_mask = False
             context.depth_func = "=="
-        gl.put(program, camera=matrix, albedo_map=0, eye=camera.eye)
-        for albedo, mesh in draws:
-            albedo.use(0)
+        gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, normal_map=NORMAL_UNIT)
+        gl.put(program, eye=camera.eye)
+        for group, mesh in draws:
+            group.use()
+            if before:
+                before(group)
             mesh.render()
         framebuffer.depth_mask = True
 
@@ -102,24 +129,40 @@ class Raster:
 
     def gbuffer(self, camera: Camera) -> GBuffer:
         """Surface point, normals and albedo of every covered pixel."""
-        return from_faces(self.scene, self.faces(camera), self.albedo(camera), camera.eye)
+        return from_faces(self.scene, self.faces(camera), self.albedo(camera), camera.eye, self.roughness(camera))
 
     def albedo(self, camera: Camera) -> Float32[Array, "h w 3"]:
         """Linear RGB albedo of each pixel, as every method sees it."""
         self.render(self._albedo, self._albedo_draws, camera)
         return self.target.read()[..., :3]
 
+    def roughness(self, camera: Camera) -> Float32[Array, "h w"] | None:
+        """Roughness of each pixel, as every method sees it, below 0 where the file says nothing; None where nowhere."""
+        if not roughness.known(self.scene):
+            return None
+        texts = "albedo.glsl", "reflectance.frag.glsl", "roughness.frag.glsl"
+        program = self.program(
+            "".join(gl.shader(name) for name in texts),
+            gl.shader("reflectance.vert.glsl"),
+            AT_VERTEX="hand_on_reflectance()",
+            ROUGHNESS=1,
+        )
+        self.render(program, self.draws(program), camera)
+        return self.target.read()[..., 0]
+
 
 def _attributes(scene: Scene, atlas: Atlas) -> list[tuple[moderngl.Buffer, str, str]]:
     factor = np.empty((len(scene.vertices), 3), np.float32)
     factor[scene.faces.ravel()] = np.repeat(np.stack([m.albedo for m in scene.materials])[scene.part], 3, axis=0)
     albedo_uv = np.zeros((len(scene.vertices), 2)) if scene.uv is None else scene.uv
-    return [
+    tangents = [] if scene.tangents is None else [(_buffer(scene.tangents), "4f", "in_tangent")]
+    return tangents + [
         (_buffer(scene.vertices), "3f", "in_position"),
         (_buffer(scene.normals), "3f", "in_normal"),
         (_buffer(atlas.uv), "2f", "in_atlas_uv"),
         (_buffer(albedo_uv), "2f", "in_albedo_uv"),
         (_buffer(factor), "3f", "in_factor"),
+        (_buffer(roughness.at_vertices(scene)), "1f", "in_roughness"),
     ]
 
 
@@ -127,23 +170,45 @@ def _buffer(values: Float[Array, "*n"]) -> moderngl.Buffer:
     return gl.context().buffer(np.ascontiguousarray(values, np.float32).tobytes())
 
 
-def _groups(scene: Scene) -> tuple[Int[Array, " f"], list[Group]]:
-    """Face order by albedo texture, and one group for each; parts without a texture share a white one."""
-    textures = {id(m.texture): m.texture for m in scene.materials if m.texture is not None}
-    images = [WHITE, *textures.values()]
-    number = {key: i + 1 for i, key in enumerate(textures)}
-    kind = np.array([0 if m.texture is None else number[id(m.texture)] for m in scene.materials])[scene.part]
-    order = np.argsort(kind, kind="stable")
+def _groups(scene: Scene, page: Int[Array, " f"]) -> tuple[Int[Array, " f"], list[Group]]:
+    """Face order by textures and page, and one group for each; parts that have no texture share a white one, and no
+    normal map is a smooth one."""
+    albedos, of_albedo = _distinct([material.texture for material in scene.materials], WHITE, _mipmapped)
+    maps, of_map = _distinct([material.normal_map for material in scene.materials], SMOOTH, _bilinear)
+    roughs, of_rough = _distinct([material.roughness_map for material in scene.materials], WHITE[..., 0], _mipmapped)
+    kinds = np.stack([of_albedo[scene.part], of_rough[scene.part], of_map[scene.part], page], axis=1)
+    order = np.lexsort(kinds.T[::-1])
     groups = []
-    for value in np.unique(kind):
-        faces = np.ascontiguousarray(scene.faces[order[kind[order] == value]], np.int32)
-        groups.append(Group(_mipmapped(images[value]), gl.context().buffer(faces.tobytes())))
+    for kind in np.unique(kinds, axis=0):
+        chosen = order[(kinds[order] == kind).all(axis=1)]
+        faces = np.ascontiguousarray(scene.faces[chosen], np.int32)
+        normal_map = None if scene.tangents is None else maps[kind[2]]()
+        indices = gl.context().buffer(faces.tobytes())
+        groups.append(Group(albedos[kind[0]](), roughs[kind[1]](), indices, int(kind[3]), normal_map))
     return order, groups
 
 
-def _mipmapped(image: Float[Array, "h w 3"]) -> moderngl.Texture:
+def _distinct(
+    images: Sequence[Array | None], none: Array, upload: Callable[[Array], moderngl.Texture]
+) -> tuple[list[Callable[[], moderngl.Texture]], Int[Array, " m"]]:
+    """(makers of the different textures, `none` first, each uploaded once and only when asked for; number of each)."""
+    different = {id(image): image for image in images if image is not None}
+    number = {key: place for place, key in enumerate(different, 1)}
+    makers = [cache(partial(upload, image)) for image in (none, *different.values())]
+    return makers, np.array([0 if image is None else number[id(image)] for image in images])
+
+
+def _mipmapped(image: Float[Array, "h w"] | Float[Array, "h w 3"]) -> moderngl.Texture:
+    image = image if image.ndim == 3 else image[..., None]
     made = gl.upload(image, half=True)
     made.build_mipmaps()
     made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    made.repeat_x = made.repeat_y = True
+    return made
+
+
+def _bilinear(image: Float[Array, "h w 3"]) -> moderngl.Texture:
+    made = gl.upload(image)
+    made.filter = (moderngl.LINEAR, moderngl.LINEAR)
     made.repeat_x = made.repeat_y = True
     return made

@@ -6,6 +6,8 @@ drivers far more.
 """
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
@@ -14,43 +16,70 @@ from prtnet import PrtnetError, gl
 from prtnet.data import vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.scene import Scene
-from prtnet.export.spelling import number
+from prtnet.export.spelling import number, vector
+from prtnet.render import reflectance
 from prtnet.render.camera import Camera
-from prtnet.render.gbuffer import barycentric, from_faces, shade
-from prtnet.render.material import DIFFUSE
+from prtnet.render.gbuffer import barycentric
+from prtnet.render.material import DIFFUSE, Material, radiance, shine
 from prtnet.render.method import Shaded, padded_groups
 from prtnet.render.raster import Raster
 
 Array = np.ndarray
 
+# in mesh.vert.glsl: the direction to the eye, mirrored at the vertex's normal
+MIRRORED = "reflect(normalize(in_position - eye), normalize(in_normal))"
+
 
 class VertexMethod(Shaded):
     """Transfer at the vertices of a drawn mesh (`data.vertex.mesh`), which may be finer than what others draw.
 
-    Diffuse only: a lobe is narrower than a triangle.
+    Gloss is found at the vertices, too, for the eye as each of them sees it: a highlight smaller than a triangle is
+    lost between its corners, or smeared over it.
     """
 
-    def __init__(self, drawn: Scene, transfer: Float[Array, "v c"], size: int, *, groups: int = 1):
+    def __init__(
+        self, drawn: Scene, transfer: Float[Array, "v c"], size: int, *, material: Material = DIFFUSE, groups: int = 1
+    ):
         count, channels = len(transfer), transfer.shape[1] // groups
-        self.layers, self.groups = gl.layer_count(channels), groups
-        self.material, self._per_light, self._light = DIFFUSE, False, None
+        self.layers, self.material, self.groups = gl.layer_count(channels), material, groups
         self.raster = Raster(Atlas(drawn, np.zeros((count, 2), np.float32), "none", float("nan")), size)
         self.coefficients = range(channels, channels + 1)
         image = pack(transfer, gl.context().info["GL_MAX_TEXTURE_SIZE"], groups)
+        self.texture, self._per_row = gl.upload(image), image.shape[1] // (groups * self.layers)
+        own = reflectance.at_vertices(material, self.raster.scene)
+        self._attributes = reflectance.as_attributes(own) if own else {}
+        self._prepare()
+
+    def _compile(self, gloss_function: str) -> None:
+        own = bool(self._attributes)
+        defines: dict[str, Any] = {}
+        texts, statements = [gl.shader("vertex_light.glsl")], ["lit = light_of_vertex()"]
+        if own:
+            texts.append(gl.shader("vertex_own.glsl"))
+            statements.append("lit *= in_reflectance.a")
+        if gloss_function:
+            texts += [gl.shader("vertex_gloss.glsl"), gloss_function]
+            specular = "in_reflectance.rgb" if own else vector("vec3", np.asarray(self.material.specular))
+            fetched = [f"transfer_of_vertex({layer})" for layer in range(self.layers)]
+            call = self._gloss_call(MIRRORED, "in_exponent", fetched)
+            statements.append(f"shine = {specular} * {call}")
+            defines["GLOSS"] = "shine"
+        varyings = "in vec3 lit;\n" + "in vec3 shine;\n" * bool(gloss_function)
         self.program = self.raster.program(
-            "in vec3 lit;\n" + gl.shader("albedo.glsl") + gl.shader("shading.frag.glsl"),
-            gl.shader("vertex_light.glsl"),
-            AT_VERTEX="lit = light_of_vertex()",
+            varyings + gl.shader("albedo.glsl") + gl.shader("shading.frag.glsl"),
+            "".join(texts),
+            AT_VERTEX="; ".join(statements),
             LAYERS=self.layers,
-            GROUPS=groups,
-            PER_ROW=image.shape[1] // (groups * self.layers),
+            LIGHT_LAYERS=self.light_layers,
+            GROUPS=self.groups,
+            PER_ROW=self._per_row,
             DECLARE="",
             TRANSFER="",
             SUM="lit",
-            DIFFUSE=number(1 / math.pi),
+            DIFFUSE=number((1 if own else self.material.diffuse) / math.pi),
+            **defines,
         )
-        self.draws = self.raster.draws(self.program)
-        self.texture = gl.upload(image)
+        self.draws = self.raster.draws(self.program, self._attributes)
 
     def covers(self, camera: Camera) -> Bool[Array, "h w"]:
         """The pixels that show the mesh."""
@@ -82,10 +111,25 @@ def pack(transfer: Float[Array, "v c"], limit: int, groups: int = 1) -> Float32[
 
 
 def shade_vertices(
-    raster: Raster, camera: Camera, transfer: Float[Array, "v c"], light: Float[Array, "k 3"], *, groups: int = 1
+    raster: Raster,
+    camera: Camera,
+    transfer: Float[Array, "v c"],
+    light: Float[Array, "kj 3"],
+    material: Material = DIFFUSE,
+    *,
+    groups: int = 1,
 ) -> Float32[Array, "h w 3"]:
-    """The plain twin of VertexMethod: transfer interpolated at each pixel of the mesh that `raster` draws."""
-    faces = raster.faces(camera)
-    _, face, weights = barycentric(faces)
-    gbuffer = from_faces(raster.scene, faces, raster.albedo(camera), camera.eye)
-    return shade(gbuffer, vertex.interpolate(transfer, raster.scene, face, weights), light, groups=groups)
+    """The plain twin of VertexMethod: both parts of the colour found at the vertices of the mesh that `raster` draws,
+    interpolated at each pixel, the diffuse one times its albedo."""
+    scene, faces = raster.scene, raster.faces(camera)
+    pixel, face, weights = barycentric(faces)
+    own, white = reflectance.at_vertices(material, scene), np.ones((len(transfer), 3))
+    towards = np.asarray(camera.eye) - scene.vertices
+    unlit = replace(material, specular=(0.0, 0.0, 0.0), parts={})
+    diffuse = radiance(unlit, white, transfer, light, scene.normals, towards, own, groups=groups)
+    image = np.zeros((faces.shape[0] * faces.shape[1], 3), np.float32)
+    image[pixel] = raster.albedo(camera).reshape(-1, 3)[pixel] * vertex.interpolate(diffuse, scene, face, weights)
+    if material.glossy:
+        shining = shine(material, transfer[:, : transfer.shape[1] // groups], light, scene.normals, towards, own)
+        image[pixel] += vertex.interpolate(shining, scene, face, weights)
+    return image.reshape(*faces.shape[:2], 3)

@@ -77,6 +77,24 @@ def test_bilinear_lookups_touch_only_the_points_own_chart(name):
     assert np.abs(bilinear(bare, atlas_uv(made, points.face, points.positions))[:, 0] - found).max() > 1e-3
 
 
+@pytest.mark.parametrize(("padding", "level"), [(2, 1), (4, 2)])
+def test_padding_keeps_charts_apart_on_mip_levels(padding, level):
+    """The same on a level of detail: with 2^level texels around each chart hardly a look-up holds another's."""
+    tea = builtin.make("tea_set", tessellation=0.4).centred()
+    off = []
+    for texels_apart in (1, padding):
+        made = atlas.make(tea, size=SIZE, padding=texels_apart)
+        texels, chart = texture.gbuffer(made, SIZE), chart_of_face(made)
+        numbers = np.random.default_rng(0).random(chart.max() + 1).astype(np.float32)
+        page = texture.page(texels, numbers[chart[texels.face]][:, None], dilation=1, mipmaps=True)
+        points = samples.area_uniform(made.scene, 20_000, np.random.default_rng(1))
+        found = bilinear(page.levels[level], atlas_uv(made, points.face, points.positions))[:, 0]
+        off.append(np.mean(np.abs(found - numbers[chart[points.face]]) > 1e-3))
+    # not none: a ring of dilation between two charts may still be the mean of both
+    assert off[1] < 0.1 * off[0]
+    assert off[0] > 0.015
+
+
 def test_good_file_coordinates_are_used():
     made = atlas.make(scene(quad([-1, 0, 1], [2, 0, 0], [0, 0, -2])), size=64)
     assert made.source == "file"

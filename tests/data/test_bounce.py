@@ -24,7 +24,7 @@ def kept(scene):
     """(surface, texels, albedo) of an atlas of the scene."""
     made = atlas.make(scene, size=SIZE)
     texels = texture.gbuffer(made, SIZE)
-    return surface.of_atlas(scene, made, texels), texels, surface.texel_albedo(made, texels)
+    return surface.of_atlas(scene, made, [texels]), texels, surface.texel_albedo(made, [texels])
 
 
 def bounce(tracer, points, *args, seed=0, **options):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from prtnet import PrtnetError
 from prtnet.data import atlas, builtin, texture
 from prtnet.data.scene import Frame
 from tests.render.meshes import atlas_uv, barycentric, quad, scene, sphere
@@ -113,24 +112,6 @@ def _texels(index, size):
     count = len(index)
     normals = np.tile(np.float32([0, 1, 0]), (count, 1))
     return texture.Texels(np.zeros((count, 3)), normals, normals, np.zeros(count, np.int32), index, size)
-
-
-@pytest.mark.parametrize("half", [True, False])
-def test_exr_round_trip(tmp_path, half):
-    image = np.random.default_rng(0).normal(size=(9, 7, 25)).astype(np.float32)
-    texture.write_exr(tmp_path / "transfer.exr", image, half=half)
-    found = texture.read_exr(tmp_path / "transfer.exr")
-    np.testing.assert_array_equal(found, image.astype(np.float16).astype(np.float32) if half else image)
-
-
-def test_exr_errors(tmp_path):
-    with pytest.raises(PrtnetError, match="readable EXR"):
-        texture.read_exr(tmp_path / "absent.exr")
-    (tmp_path / "broken.exr").write_bytes(b"not an image")
-    with pytest.raises(PrtnetError, match=r"broken\.exr"):
-        texture.read_exr(tmp_path / "broken.exr")
-    with pytest.raises(PrtnetError, match="cannot be written"):
-        texture.write_exr(tmp_path / "no" / "such" / "folder.exr", np.zeros((4, 4, 1), np.float32))
 
 
 def test_smooth_sphere_texels_are_near_the_sphere():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prtnet import PrtnetError, gl, netspec, sh
-from prtnet.data import atlas, builtin, light, texture
+from prtnet.data import atlas, builtin, light, quantise, texture
 from prtnet.export import glsl
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import shade
@@ -89,15 +89,15 @@ def test_gbuffer_shows_the_nearest_surface():
     assert not hit[missing < 0].any()
 
 
-@pytest.mark.parametrize("half", [False, True])
-def test_texture_method_is_a_bilinear_look_up(plants, half):
+@pytest.mark.parametrize("texels", list(quantise.FORMATS))
+def test_texture_method_is_a_bilinear_look_up(plants, texels):
     """The texture filled with noise: GLSL and NumPy read the same texels with the same weights."""
     image = np.random.default_rng(0).normal(size=(64, 64, 9)).astype(np.float32)
-    image = image if not half else image.astype(np.float16).astype(np.float32)
+    (image,) = quantise.decode(quantise.encode([image], np.ones((64, 64), bool), texels))
     found, sun = plants.gbuffer(EYE), random_light(9)
     uv = atlas_uv(plants.atlas, found.face, found.positions.astype(np.float64))
     expected = shade(found, bilinear(image, uv).astype(np.float32), sun)
-    drawn = TextureMethod(plants, image, half=half).draw(EYE, sun)
+    drawn = TextureMethod(plants, image, texels=texels).draw(EYE, sun)
     # filters have 8 bits of fraction, float16 texels are filtered in float32
     error = np.abs(drawn - expected).max(axis=-1)
     assert np.percentile(error, 99) < 0.03
@@ -213,7 +213,7 @@ def test_constant_transfer_under_constant_light():
 
 def test_milliseconds_and_sizes():
     drawing = ball(12, size=32)
-    method = TextureMethod(drawing, np.ones((16, 16, 25), np.float32), half=True)
+    method = TextureMethod(drawing, np.ones((16, 16, 25), np.float32), texels="float16")
     assert method.milliseconds(FRONT, random_light(25), repeats=2) > 0
     assert method.bytes == 7 * 4 * 2 * 16 * 16
 

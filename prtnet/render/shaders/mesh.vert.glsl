@@ -6,6 +6,10 @@ in vec3 in_normal;
 in vec2 in_atlas_uv;
 in vec2 in_albedo_uv;
 in vec3 in_factor;
+#ifdef NORMAL_MAP
+in vec4 in_tangent;
+out vec4 tangent;
+#endif
 out vec3 position;
 out vec3 normal;
 out vec2 atlas_uv;
@@ -19,6 +23,9 @@ void main() {
     atlas_uv = in_atlas_uv;
     albedo_uv = in_albedo_uv;
     factor = in_factor;
+#ifdef NORMAL_MAP
+    tangent = in_tangent;
+#endif
     gl_Position = camera * vec4(in_position, 1.0);
 #ifdef AT_VERTEX
     AT_VERTEX;

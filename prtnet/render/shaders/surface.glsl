@@ -4,5 +4,7 @@ uniform vec3 eye;
 in vec3 position;
 in vec3 normal;
 
-vec3 mirrored() { return reflect(normalize(position - eye), normalize(normal)); }
+vec3 shading_normal();
+
+vec3 mirrored() { return reflect(normalize(position - eye), shading_normal()); }
 

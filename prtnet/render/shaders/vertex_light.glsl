@@ -1,7 +1,7 @@
 // sum t_i L_i at each vertex, t from a texture of GROUPS * LAYERS texels per vertex, PER_ROW vertices in a row, row 0 on
 // top. Of four groups the last three are for red, green and blue.
 uniform sampler2D vertex_transfer;
-uniform mat4x3 light[LAYERS];
+uniform mat4x3 light[LIGHT_LAYERS];
 out vec3 lit;
 
 vec4 transfer_of_vertex(int layer) {

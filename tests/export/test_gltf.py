@@ -114,6 +114,16 @@ def test_the_container_is_whole_and_aligned(far, tmp_path):
     np.testing.assert_array_equal(np.float32(factors)[:, :3], [material.albedo for material in mesh.materials])
 
 
+def test_views_of_any_length_start_at_multiples_of_four():
+    binary = gltf._Binary()
+    for length in (1, 2, 3, 4, 5):
+        binary.view(bytes([length]) * length)
+    assert [view["byteOffset"] for view in binary.views] == [0, 4, 8, 12, 16]
+    assert [view["byteLength"] for view in binary.views] == [1, 2, 3, 4, 5]
+    assert binary.data[8:12] == b"\3\3\3\0"
+    assert len(binary.data) == 24
+
+
 def test_the_pages_reader(far, tmp_path, monkeypatch):
     written(far, tmp_path / "transfer_vertices.glb")
     code = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

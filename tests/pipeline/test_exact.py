@@ -37,6 +37,16 @@ def test_rows_against_exact(finished):
     assert "traced against exact is the error of SH itself" in page
 
 
+@pytest.mark.parametrize("bounces", [1, 3])
+def test_bounces_agree_with_those_of_transfer(tmp_path, bounces):
+    """Under a constant light SH are exact for diffuse surfaces: paths and gathered transfer find the same radiance."""
+    changes = {"transfer__transport": "interreflected", "transfer__bounces": bounces, "transfer__directions": 256}
+    more = {"light__name": "constant", "render__exact_samples": 512, "render__traced_directions": 512}
+    run(config(tmp_path, **EXACT | changes | more))
+    by_pair = {(row.method, row.reference): row.psnr or 0 for row in score.read(tmp_path / "score.json")[0]}
+    assert by_pair["traced", "exact"] > 48
+
+
 def test_charts_keep_references_apart(finished, tmp_path):
     """The chart is the same with and without rows against another reference."""
     rows, _ = score.read(finished / "score.json")
@@ -70,6 +80,7 @@ def test_images_are_kept_under_all_they_depend_on(finished):
     assert count(material__specular=[0.5, 0.5, 0.5]) == 2
     assert count(render__exact_samples=65) == 2
     assert count(seed=1) == 2
+    assert count(transfer__transport="interreflected") == 2
     run(config(finished, **EXACT))
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import PrtnetError, console, sh
-from prtnet.data import samples, texture, transfer, vertex
+from prtnet.data import mipmap, samples, texture, transfer, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.data.texture import Page
-from prtnet.pipeline.atlas import atlas_of, inputs_of
+from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
 from prtnet.pipeline.job import Job
 from prtnet.render import camera
 from prtnet.store import Artifact
@@ -215,9 +215,10 @@ def _texture(job: Job) -> BakedTexture:
     texels = texture.gbuffers(atlas, options.size)
     points = texture.points(texels)
     baked = traced(job, "texture", inputs, points, job.config.transfer.directions)
+    levels = mipmap.level_count(padding_of(options)) if options.mipmaps else 1
     parts = np.split(baked.arrays["transfer"], np.cumsum([len(page.index) for page in texels])[:-1])
     pages = [
-        texture.page(page, part, dilation=options.dilation, mipmaps=options.mipmaps)
+        texture.page(page, part, dilation=options.dilation, levels=levels)
         for page, part in zip(texels, parts, strict=True)
     ]
     facts = baked.facts | {

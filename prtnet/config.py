@@ -75,9 +75,9 @@ class AtlasOptions:
     single_chart: bool = False  # one chart for both sides of a two-sided face: wrong on leaves, on purpose
     dilation: int = 3  # texels that each chart grows by
     format: str = "float32"  # of a coefficient: float32, float16, or uint8 from its own least to its own greatest value
-    mipmaps: bool = False  # levels of half the side, in which charts do not mix with the empty texels between them
+    mipmaps: bool = False  # levels of half the side, as many as the padding keeps charts apart on
     level_of_detail: str = "derivative"  # of mipmaps: of the texture coordinate by pixels, or distance to the eye
-    padding: int = 1  # texels that xatlas leaves around each chart; about 2^n keep charts apart on mip level n
+    padding: int | None = None  # texels around each chart; 2^n for n mip levels; 1, or 4 with mipmaps, when left out
     sets: str = "one"  # texture for the whole scene, or parts: one for each, with size^2 texels together
     unwrap: str = "auto"  # by xatlas where the file's coordinates are absent or overlap, or never: they are refused
     memory_limit: float = 8.0  # GiB of the textures without mip levels

@@ -184,13 +184,10 @@ def diffuse_macs(coefficients: int) -> int:
     return 3 * coefficients
 
 
-def texture_bytes(size: int, coefficients: int, *, texel_bytes: int = 4, mipmaps: bool = False) -> int:
+def texture_bytes(size: int, coefficients: int, *, texel_bytes: int = 4, levels: int = 1) -> int:
     """Bytes of a square transfer texture in RGBA layers: the coefficients, of `texel_bytes` each, are padded to a
     multiple of four."""
-    sides = [size]
-    while mipmaps and sides[-1] > 1:
-        sides.append(sides[-1] // 2)
-    return sum(side * side for side in sides) * 4 * math.ceil(coefficients / 4) * texel_bytes
+    return sum((size >> level) ** 2 for level in range(levels)) * 4 * math.ceil(coefficients / 4) * texel_bytes
 
 
 def vertex_macs(vertices: int, coefficients: int, pixels: float) -> int:

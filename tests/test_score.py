@@ -222,7 +222,7 @@ def test_costs() -> None:
     assert score.fetch_macs(25, "bilinear") == 100
     assert score.diffuse_macs(25) == 75
     assert score.texture_bytes(1024, 25) == 1024**2 * 28 * 4
-    assert score.texture_bytes(4, 16, texel_bytes=2, mipmaps=True) == (16 + 4 + 1) * 16 * 2
+    assert score.texture_bytes(4, 16, texel_bytes=2, levels=3) == (16 + 4 + 1) * 16 * 2
 
 
 def test_keys_are_those_of_the_format() -> None:

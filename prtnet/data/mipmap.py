@@ -3,6 +3,9 @@
 A texel of a level is the mean of its children that have a value (Williams 1983, *Pyramidal Parametrics*, with the empty
 ones left out); then every level is dilated by itself. Sides are halved and rounded down, as OpenGL has them. Where a
 side is odd, the three children of a texel are weighted by what of them it covers.
+
+A coarse texel may still hold texels of two charts, and look-ups in either would read the other: a seam. Level n needs
+2^n texels around each chart, so there are no levels beyond what the charts' padding allows.
 """
 
 from collections.abc import Sequence
@@ -13,20 +16,22 @@ from jaxtyping import Bool, Float, Float32
 Array = np.ndarray
 
 
-def sides(size: int) -> list[int]:
-    """Of all levels of a square texture, down to 1."""
-    found = [size]
-    while found[-1] > 1:
-        found.append(found[-1] // 2)
-    return found
+def level_count(padding: int) -> int:
+    """How many levels, the first included, `padding` texels around each chart keep charts apart on."""
+    return padding.bit_length()
+
+
+def sides(size: int, levels: int) -> list[int]:
+    """Of the levels of a square texture, at most down to 1."""
+    return [size >> level for level in range(min(levels, size.bit_length()))]
 
 
 def pyramid(
-    image: Float[Array, "s s k"], valid: Bool[Array, "s s"]
+    image: Float[Array, "s s k"], valid: Bool[Array, "s s"], levels: int
 ) -> list[tuple[Float32[Array, "_ _ k"], Bool[Array, "_ _"]]]:
-    """All levels of a texture with which of their texels have a value; the others are 0."""
+    """So many levels of a texture, or down to 1, with which of their texels have a value; the others are 0."""
     found = [(np.where(valid[..., None], image, 0).astype(np.float32), valid)]
-    while len(found[-1][1]) > 1:
+    for _ in sides(len(valid), levels)[1:]:
         found.append(_halved(*found[-1]))
     return found
 

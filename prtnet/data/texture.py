@@ -119,11 +119,11 @@ def page_of(image: Float[Array, "s s k"]) -> Page:
     return Page((np.asarray(image, np.float32),), np.ones(image.shape[:2], bool))
 
 
-def page(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3, mipmaps: bool = False) -> Page:
+def page(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3, levels: int = 1) -> Page:
     """The texture of texels with their transfer; each of its mip levels is dilated by as many texels of its own."""
     bare, used = assemble(texels, transfer, dilation=0), mask(texels)
-    levels = mipmap.pyramid(bare, used) if mipmaps else [(bare, used)]
-    return Page(tuple(dilated(image, valid, dilation) for image, valid in levels), used)
+    found = mipmap.pyramid(bare, used, levels)
+    return Page(tuple(dilated(image, valid, dilation) for image, valid in found), used)
 
 
 def assemble(texels: Texels, transfer: Float[Array, "n k"], *, dilation: int = 3) -> Float32[Array, "size size k"]:

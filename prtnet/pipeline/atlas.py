@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from prtnet.config import AtlasOptions
 from prtnet.data import atlas as atlases
 from prtnet.data import atlas_set
 from prtnet.data.atlas import Atlas
@@ -19,11 +20,20 @@ Array = np.ndarray
 DEFAULTS = {"sets": "one", "unwrap": "auto", "padding": 1}
 
 
+# of atlases with mip levels that say nothing else: levels of half and a quarter of the side
+MIPMAP_PADDING = 4
+
+
+def padding_of(options: AtlasOptions) -> int:
+    """Texels around each chart."""
+    return options.padding or (MIPMAP_PADDING if options.mipmaps else DEFAULTS["padding"])
+
+
 def inputs_of(job: Job) -> dict[str, Any]:
     """What the texels of the job's textures depend on."""
     options = job.config.atlas
     inputs = job.scene_key | {"size": options.size, "single_chart": options.single_chart, "seed": job.config.seed}
-    values = {name: getattr(options, name) for name in DEFAULTS}
+    values = {"sets": options.sets, "unwrap": options.unwrap, "padding": padding_of(options)}
     return inputs | {name: value for name, value in values.items() if value != DEFAULTS[name]}
 
 
@@ -55,7 +65,7 @@ def _make(job: Job) -> tuple[dict[str, Array], Mapping[str, Any]]:
         size=options.size,
         single_chart=options.single_chart,
         unwrap_mode=options.unwrap,
-        padding=options.padding,
+        padding=padding_of(options),
     )
     mesh = made.scene
     arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals, "part": mesh.part}

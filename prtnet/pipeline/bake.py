@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import PrtnetError
-from prtnet.data import samples, texture, vertex
+from prtnet.data import mipmap, samples, texture, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.data.texture import Page
-from prtnet.pipeline.atlas import atlas_of, inputs_of
+from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, received, texels_and_radiosity
 from prtnet.render import camera
@@ -141,9 +141,10 @@ def _texture(job: Job) -> BakedTexture:
     texels = texture.gbuffers(atlas, options.size)
     points = texture.points(texels)
     found, radiosity = texels_and_radiosity(job, inputs, atlas, texels, points)
+    levels = mipmap.level_count(padding_of(options)) if options.mipmaps else 1
     parts = np.split(found.transfer, np.cumsum([len(page.index) for page in texels])[:-1])
     pages = [
-        texture.page(page, part, dilation=options.dilation, mipmaps=options.mipmaps)
+        texture.page(page, part, dilation=options.dilation, levels=levels)
         for page, part in zip(texels, parts, strict=True)
     ]
     facts = {"texels": len(points.positions), "uv": atlas.source, "seconds": seconds + found.seconds}

@@ -148,7 +148,7 @@ def _check_atlas(config: Config) -> None:
     options = config.atlas
     quantise.check(options.format)
     atlas_set.check(options.sets)
-    atlas.check(options.unwrap, options.padding)
+    atlas.check(options.unwrap, 1 if options.padding is None else options.padding)
     transfer_map.check(options.level_of_detail)
 
 

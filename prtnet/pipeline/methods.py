@@ -54,12 +54,15 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     )
     decoding = fetched * count if options.format == "uint8" else 0
     texel_bytes = quantise.FORMATS[options.format]
-    sides = baked.texture.atlas.sides or (options.size,)
-    filtering = "trilinear" if options.mipmaps else "bilinear"
+    pages = baked.texture.pages
+    filtering = "trilinear" if len(pages[0].levels) > 1 else "bilinear"
     costs = {
         "macs": score.fetch_macs(fetched * count, filtering) + decoding + _shading_macs(job),
         "bytes": fetched
-        * sum(score.texture_bytes(side, count, texel_bytes=texel_bytes, mipmaps=options.mipmaps) for side in sides),
+        * sum(
+            score.texture_bytes(len(page.used), count, texel_bytes=texel_bytes, levels=len(page.levels))
+            for page in pages
+        ),
         "bake_seconds": baked.texture.facts["seconds"],
         "train_seconds": None,
     }

@@ -127,5 +127,6 @@ def _cuts(job: Job) -> str:
 def _texture(job: Job, baked: Baked) -> str:
     options, sides = job.config.atlas, baked.texture.atlas.sides
     words = f"{options.size}^2" if sides is None else f"{len(sides)} of {min(sides)}^2 to {max(sides)}^2, one per part"
-    levels = f", mip levels by {options.level_of_detail}" if options.mipmaps else ""
+    count = len(baked.texture.pages[0].levels)
+    levels = f", {count} mip levels by {options.level_of_detail}" if count > 1 else ""
     return f"{words}, {options.format}{levels}, dilated by {options.dilation}"

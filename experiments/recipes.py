@@ -27,6 +27,7 @@ from prtnet.models.train import Points, calibrate, train
 from prtnet.netspec import NetSpec
 from prtnet.pipeline import bake
 from prtnet.pipeline.job import Job, open_job
+from prtnet.pipeline.transport import traced
 from prtnet.render import camera, raster
 from prtnet.render.gbuffer import GBuffer, shade
 
@@ -81,16 +82,16 @@ def prepare(scene: str, cache: Path) -> Data:
     baked = bake.bake(job)
     drawing = raster.Raster(baked.texture.atlas, SIZE)
     pixels = [drawing.gbuffer(eye) for eye in camera.path(job.scene, job.tracer, VIEWS)]
-    traced = [_traced(job, view, index) for index, view in enumerate(pixels)]
+    references = [_traced(job, view, index) for index, view in enumerate(pixels)]
     assert baked.points is not None
     training = baked.points.training
-    return Data(scene, Points(training.positions, training.normals, training.transfer), pixels, traced)
+    return Data(scene, Points(training.positions, training.normals, training.transfer), pixels, references)
 
 
 def _traced(job: Job, view: GBuffer, index: int) -> np.ndarray:
     points = Samples(view.positions.astype(np.float64), view.normals, view.geometric_normals, view.face)
     inputs = job.scene_key | {"view": index, "views": VIEWS, "size": SIZE}
-    return bake.traced(job, "recipes", inputs, points, RAYS).arrays["transfer"]
+    return traced(job, "recipes", inputs, points, RAYS).arrays["transfer"]
 
 
 def image_psnr(data: Data, net: NetSpec) -> float:

@@ -25,10 +25,12 @@ CONVENTION = (
     "V(p, w) max(0, n.w) in real orthonormal spherical harmonics over the world axes x, y, z, without the "
     "Condon-Shortley phase; index l*l + l + m; Y_1 = sqrt(3 / 4 pi) (y, z, x); steradians; no albedo, no 1/pi"
 )
+# of channels, where there is light between surfaces
+GROUPS = ("direct", "red", "green", "blue")
 UV_ORIGIN = "lower left: row 0 of the image is v = 1, texel centres lie at half-integers"
 KEYS = (
-    "format", "name", "bands", "channels", "convention", "light_independent", "storage", "uv_origin", "centre", "scale",
-    "sets", "pages", "dilation", "mipmaps", "coordinates", "mesh",
+    "format", "name", "bands", "groups", "channels", "convention", "light_independent", "storage", "uv_origin",
+    "centre", "scale", "sets", "pages", "dilation", "mipmaps", "coordinates", "mesh",
 )  # fmt: skip
 
 
@@ -36,7 +38,7 @@ KEYS = (
 class TextureFile:
     """What a reader gets back: the first level of each page as a shader decodes it, and the JSON beside it."""
 
-    pages: tuple[Float32[Array, "_ _ k"], ...]
+    pages: tuple[Float32[Array, "_ _ c"], ...]
     about: dict[str, Any]
 
     @property
@@ -52,8 +54,11 @@ def write(
     *,
     storage: str = "float32",
     dilation: int = 3,
+    groups: int = 1,
 ) -> None:
     """Write the three files of an atlas in unit coordinates, each atomically. `frame` leads back to the scene's file.
+
+    Channels come in one group of coefficients, or in the four that GROUPS names.
 
     EXR has no bytes: of uint8 it holds the values that they stand for, as float32. Inverse: `read`.
     """
@@ -65,12 +70,14 @@ def write(
         | ({"least": each.offset.tolist(), "span": each.scale.tolist()} if storage == "uint8" else {})
         for place, (name, image, page, each) in enumerate(zip(names, images, pages, stored, strict=True))
     ]
-    bands = sh.bands_of(images[0].shape[2])
+    bands = sh.bands_of(images[0].shape[2] // groups)
+    channels = channel_names(bands, groups)
     about = {
         "format": FORMAT,
         "name": atlas.scene.name,
         "bands": bands,
-        "channels": channel_names(bands),
+        "groups": list(GROUPS[:groups]),
+        "channels": channels,
         "convention": CONVENTION,
         "light_independent": True,
         "storage": storage,
@@ -85,7 +92,7 @@ def write(
         "mesh": MESH,
     }
     _write_mesh(folder / MESH, atlas, frame)
-    write_exr(folder / EXR, images, half=storage == "float16", names=[name or "" for name in names])
+    write_exr(folder / EXR, images, half=storage == "float16", names=[name or "" for name in names], channels=channels)
     store.write_text(folder / JSON, json.dumps(about, indent=1) + "\n")
 
 
@@ -102,15 +109,20 @@ def _write_mesh(path: Path, atlas: Atlas, frame: Frame) -> None:
     store.save_arrays(path, arrays)
 
 
-def channel_names(bands: int) -> list[str]:
-    """`l<band>.<coefficient>`: an EXR layer for each band. Readers sort channels by name, so numbers are padded."""
+def channel_names(bands: int, groups: int = 1) -> list[str]:
+    """`l<band>.<coefficient>`: an EXR layer for each band. Readers sort channels by name, so numbers are padded.
+
+    With four groups the name of each stands before: `direct.l0.00`, ..., `red.l0.00`, ...
+    """
     digits, count = max(1, len(str(bands - 1))), sh.count(bands)
-    return [f"l{band:0{digits}}.{i:0{max(2, len(str(count - 1)))}}" for i, band in enumerate(sh.band_index(bands))]
+    names = [f"l{band:0{digits}}.{i:0{max(2, len(str(count - 1)))}}" for i, band in enumerate(sh.band_index(bands))]
+    return names if groups == 1 else [f"{group}.{name}" for group in GROUPS for name in names]
 
 
-def write_exr(path: Path, images: list[Float[Array, "_ _ k"]], *, half: bool = False, names: list[str]) -> None:
+def write_exr(
+    path: Path, images: list[Float[Array, "_ _ c"]], *, half: bool = False, names: list[str], channels: list[str]
+) -> None:
     """Save pages as the parts of one EXR, 16 or 32 bit floats, ZIP, atomically. Inverse: `read_exr`."""
-    channels = channel_names(sh.bands_of(images[0].shape[2]))
     specs = []
     for place, (image, name) in enumerate(zip(images, names, strict=True)):
         spec = oiio.ImageSpec(image.shape[1], image.shape[0], len(channels), "half" if half else "float")
@@ -135,8 +147,8 @@ def write_exr(path: Path, images: list[Float[Array, "_ _ k"]], *, half: bool = F
             raise PrtnetError(f"{path}: writing the EXR failed: {output.geterror()}")
 
 
-def read_exr(path: Path) -> list[Float32[Array, "_ _ k"]]:
-    """All channels of all parts of an EXR in the order of the file. Inverse of `write_exr`.
+def read_exr(path: Path, channels: list[str]) -> list[Float32[Array, "_ _ c"]]:
+    """The named channels of all parts of an EXR, in that order. Inverse of `write_exr`.
 
     Raises PrtnetError for a file that is missing, empty, cut short, no EXR, or has no finite value in a part.
     """
@@ -152,7 +164,11 @@ def read_exr(path: Path) -> list[Float32[Array, "_ _ k"]]:
         pixels = image.read_image(len(found), 0, 0, image.spec().nchannels, "float")
         if pixels is None:
             raise PrtnetError(f"{path}: the EXR texture is cut short ({_last(image.geterror())}); export it again")
-        found.append(np.asarray(pixels, np.float32).reshape(image.spec().height, image.spec().width, -1))
+        kept = list(image.spec().channelnames)
+        if sorted(kept) != sorted(channels):
+            raise PrtnetError(f"{path}: found channels {kept[0]} to {kept[-1]}, expected those of {JSON}; export again")
+        pixels = np.asarray(pixels, np.float32).reshape(image.spec().height, image.spec().width, -1)
+        found.append(pixels[..., [kept.index(channel) for channel in channels]])
         if not np.isfinite(found[-1]).any():
             raise PrtnetError(f"{path}: found only NaN and infinite values, expected transfer; export it again")
     image.geterror()  # of looking for one more part
@@ -178,9 +194,9 @@ def read(folder: Path) -> TextureFile:
     absent = [key for key in KEYS if key not in about]
     if absent:
         raise PrtnetError(f"{path}: found no {', '.join(absent)}, expected them; export it again")
-    images = read_exr(folder / EXR)
+    images = read_exr(folder / EXR, about["channels"])
     shapes = [image.shape for image in images]
-    expected = [(page["size"], page["size"], about["bands"] ** 2) for page in about["pages"]]
+    expected = [(page["size"], page["size"], len(about["channels"])) for page in about["pages"]]
     if shapes != expected:
         raise PrtnetError(f"{folder / EXR}: found images of {shapes}, expected {expected} as in {JSON}; export again")
     return TextureFile(tuple(images), about)

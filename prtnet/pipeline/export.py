@@ -90,6 +90,7 @@ def _write_texture(job: Job, baked: BakedTexture) -> None:
         job.frame,
         storage=options.format,
         dilation=options.dilation,
+        groups=job.groups,
     )
     store.write_text(stamp, key)
 

@@ -16,6 +16,7 @@ from prtnet.export import texture_file
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "texture-transfer.md"
 SIZE, BANDS = 96, 3
+BARE = {"names": [""], "channels": texture_file.channel_names(BANDS)}
 
 
 def made(sets: str = "one"):
@@ -104,10 +105,17 @@ def test_nothing_is_left_when_writing_fails(one, tmp_path, monkeypatch):
 
     monkeypatch.setattr("prtnet.store.os.fsync", refuse)
     with pytest.raises(OSError, match="disk full"):
-        texture_file.write_exr(tmp_path / "t.exr", list(one[1][0].levels), names=[""])
+        texture_file.write_exr(
+            tmp_path / "t.exr", list(one[1][0].levels), names=[""], channels=texture_file.channel_names(BANDS)
+        )
     assert not list(tmp_path.iterdir())
     with pytest.raises(PrtnetError, match=r"folder\.exr: cannot be written, expected the folder"):
-        texture_file.write_exr(tmp_path / "no" / "folder.exr", list(one[1][0].levels), names=[""])
+        texture_file.write_exr(
+            tmp_path / "no" / "folder.exr",
+            list(one[1][0].levels),
+            names=[""],
+            channels=texture_file.channel_names(BANDS),
+        )
 
 
 @pytest.mark.parametrize(
@@ -133,7 +141,9 @@ def test_textures_that_are_not_whole(one, tmp_path, harm, message):
         path.write_bytes(contents[harm])
     else:
         value, size = (np.nan, SIZE) if harm == "nan" else (1.0, 8)
-        texture_file.write_exr(path, [np.full((size, size, 9), value, np.float32)], names=[""])
+        texture_file.write_exr(
+            path, [np.full((size, size, 9), value, np.float32)], names=[""], channels=texture_file.channel_names(3)
+        )
     with pytest.raises(PrtnetError, match=message):
         texture_file.read(tmp_path)
 
@@ -146,5 +156,16 @@ def test_json_that_is_not_the_textures(one, tmp_path):
     with pytest.raises(PrtnetError, match=r"found format None, expected 1"):
         texture_file.read(tmp_path)
     path.write_text('{"format": 1, "name": ""}')
-    with pytest.raises(PrtnetError, match=r"found no bands, channels"):
+    with pytest.raises(PrtnetError, match=r"found no bands, groups, channels"):
         texture_file.read(tmp_path)
+
+
+def test_four_groups_keep_their_order(one, tmp_path):
+    """EXR sorts channels by name: blue before direct."""
+    found, (page,), frame = one
+    image = np.concatenate([(group + 1) * page.levels[0] for group in range(4)], axis=2)
+    texture_file.write(tmp_path, found, (replace(page, levels=(image,)),), frame, groups=4)
+    read = texture_file.read(tmp_path)
+    assert read.about["groups"] == ["direct", "red", "green", "blue"]
+    assert read.about["bands"] == BANDS
+    np.testing.assert_array_equal(read.pages[0], image)

@@ -12,7 +12,7 @@ from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
 STAGES = ("bake", "train", "export", "score")
-METHODS = ("texture", "vertex", "net")
+METHODS = ("texture", "vertex", "net", "lit_texture")
 
 
 @dataclass
@@ -116,7 +116,7 @@ class Config:
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
     stages: list[str] = field(default_factory=lambda: list(STAGES))  # up to the last one named is made where missing
-    methods: list[str] = field(default_factory=lambda: list(METHODS))  # texture, the baseline, and others
+    methods: list[str] = field(default_factory=lambda: ["texture", "vertex", "net"])  # or lit_texture, with bounces
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one

@@ -101,17 +101,33 @@ def _pairs(bands: int, bands_out: int) -> Iterator[tuple[int, int, str]]:
                 yield i, k, f"({first} * y{k} + {component('t', k)} * y{i})"
 
 
+def incident(lobe: Lobe, bands: int) -> str:
+    """vec3 prt_incident(mirrored, [exponent,] r0, ..., g0, ..., b0, ...): sum_k J_k y_k per colour, J in `bands` bands.
+
+    What the lobe takes of light that is known as SH at the point. Of the bands of lobe and J it takes those both have.
+    """
+    layers, both = quads(sh.count(bands)), sh.count(min(bands, _bands(lobe)))
+    sums = [" + ".join(f"{component(colour, k)} * y{k}" for k in range(both)) for colour in "rgb"]
+    arguments = [f"vec4 {colour}{layer}" for colour in "rgb" for layer in range(layers)]
+    return _written("prt_incident", lobe, arguments, [f"return vec3({', '.join(sums)});"])
+
+
 def _function(bands: int, lobe: Lobe, body: list[str]) -> str:
+    return _written("prt_gloss", lobe, [f"vec4 t{layer}" for layer in range(quads(sh.count(bands)))], body)
+
+
+def _written(name: str, lobe: Lobe, vectors: list[str], body: list[str]) -> str:
+    """A function whose body knows y_k = s_l Y_k(mirrored)."""
+    check(_bands(lobe))
     names: list[str] = []
     if isinstance(lobe, int):
         lines = [*_recurrence(lobe), *zonal_harmonics("mirrored", np.ones(lobe), names)]
-        names = [f"s{l} * ({name})" for l, name in zip(sh.band_index(lobe), names, strict=True)]
+        names = [f"s{l} * ({each})" for l, each in zip(sh.band_index(lobe), names, strict=True)]
     else:
         lines = list(zonal_harmonics("mirrored", lobe, names))
-    lines += [f"float y{k} = {name};" for k, name in enumerate(names)]
-    arguments = ["vec3 mirrored", *(["float exponent"] if isinstance(lobe, int) else [])]
-    arguments += [f"vec4 t{layer}" for layer in range(quads(sh.count(bands)))]
-    return "\n  ".join([f"vec3 prt_gloss({', '.join(arguments)}) {{", *lines, *body]) + "\n}\n"
+    lines += [f"float y{k} = {each};" for k, each in enumerate(names)]
+    arguments = ["vec3 mirrored", *(["float exponent"] if isinstance(lobe, int) else []), *vectors]
+    return "\n  ".join([f"vec3 {name}({', '.join(arguments)}) {{", *lines, *body]) + "\n}\n"
 
 
 def _recurrence(bands: int) -> Iterator[str]:

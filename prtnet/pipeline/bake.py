@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, sh
 from prtnet.data import mipmap, samples, texture, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
-from prtnet.data.texture import Page
+from prtnet.data.texture import Page, Texels
 from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
 from prtnet.pipeline.job import Job
-from prtnet.pipeline.transport import Radiosity, received, texels_and_radiosity
+from prtnet.pipeline.transport import Radiosity, incident, received, texels_and_radiosity, traced
 from prtnet.render import camera
 
 log = logging.getLogger(__name__)
@@ -45,6 +45,7 @@ class BakedTexture:
     key: str
     atlas: Atlas
     pages: tuple[Page, ...]  # dilated
+    texels: list[Texels]
     facts: Mapping[str, Any]
     radiosity: Radiosity | None  # where there are bounces
 
@@ -73,6 +74,7 @@ class Baked:
     """The baseline, and what the other methods of the job need."""
 
     texture: BakedTexture
+    lit: BakedTexture | None  # beside the transfer, light from other surfaces under the job's light
     mesh: BakedMesh | None
     points: NetPoints | None
 
@@ -81,7 +83,8 @@ def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
     baked = _texture(job)
     points = _net_points(job, baked.radiosity) if "net" in job.config.methods else None
-    return Baked(baked, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
+    lit = _lit(job, baked) if "lit_texture" in job.config.methods else None
+    return Baked(baked, lit, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
 
 
 def _net_points(job: Job, radiosity: Radiosity | None) -> NetPoints:
@@ -141,14 +144,32 @@ def _texture(job: Job) -> BakedTexture:
     texels = texture.gbuffers(atlas, options.size)
     points = texture.points(texels)
     found, radiosity = texels_and_radiosity(job, inputs, atlas, texels, points)
+    facts = {"texels": len(points.positions), "uv": atlas.source, "seconds": seconds + found.seconds}
+    return BakedTexture(found.key, atlas, _pages(job, texels, found.transfer), texels, facts, radiosity)
+
+
+def _pages(job: Job, texels: list[Texels], values: Array) -> tuple[Page, ...]:
+    options = job.config.atlas
     levels = mipmap.level_count(padding_of(options)) if options.mipmaps else 1
-    parts = np.split(found.transfer, np.cumsum([len(page.index) for page in texels])[:-1])
-    pages = [
+    parts = np.split(values, np.cumsum([len(page.index) for page in texels])[:-1])
+    return tuple(
         texture.page(page, part, dilation=options.dilation, levels=levels)
         for page, part in zip(texels, parts, strict=True)
-    ]
-    facts = {"texels": len(points.positions), "uv": atlas.source, "seconds": seconds + found.seconds}
-    return BakedTexture(found.key, atlas, tuple(pages), facts, radiosity)
+    )
+
+
+def _lit(job: Job, baked: BakedTexture) -> BakedTexture:
+    """Groups of coefficients: the transfer, and SH of the light from other surfaces in red, green and blue."""
+    assert baked.radiosity is not None
+    bands, points = job.config.transfer.bands, texture.points(baked.texels)
+    rays, light = job.config.transfer.directions, job.light.coefficients(job.config.transfer.bands)
+    inputs = inputs_of(job)
+    direct = traced(job, "texture", inputs, points, rays)
+    made = incident(job, "texture_incident", inputs, points, rays, baked.radiosity, light, title="texture, lit")
+    seen = made.arrays["transfer"].reshape(len(points.positions), sh.count(bands), 3)
+    values = np.concatenate([direct.arrays["transfer"], *np.moveaxis(seen, -1, 0)], axis=1)
+    facts = {"seconds": baked.facts["seconds"] + made.facts["seconds"]}
+    return BakedTexture(made.key, baked.atlas, _pages(job, baked.texels, values), baked.texels, facts, baked.radiosity)
 
 
 def _mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:

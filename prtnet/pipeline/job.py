@@ -181,6 +181,10 @@ def _check(config: Config) -> None:
             raise PrtnetError(f"{key}: found {values[group][name]}, expected at least {minimum}")
     if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
         raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
+    if "lit_texture" in config.methods and config.transfer.transport != "interreflected":
+        raise PrtnetError(
+            "methods: found lit_texture, which keeps light between surfaces, expected transfer.transport=interreflected"
+        )
     recipe.check(config.train)
     _material(config)
     _display(config)

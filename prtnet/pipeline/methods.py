@@ -6,10 +6,11 @@ from typing import Any
 
 from prtnet import netspec, score, sh
 from prtnet.data import quantise
-from prtnet.pipeline.bake import Baked, BakedMesh, NetPoints
+from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
+from prtnet.render.lit import LitTextureMethod
 from prtnet.render.method import NetMethod, Shaded, TextureMethod
 from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
@@ -29,6 +30,8 @@ def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported
     made = {"texture": _texture(job, baked, drawing)}
     if baked.mesh:
         made["vertex"] = _vertex(job, baked.mesh)
+    if baked.lit:
+        made["lit_texture"] = _lit_texture(job, baked.lit, drawing)
     if baked.points and trained and exported.shader:
         made["net"] = _net(job, baked.points, trained, exported.shader, drawing)
     return made
@@ -64,6 +67,28 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
             for page in pages
         ),
         "bake_seconds": baked.texture.facts["seconds"],
+        "train_seconds": None,
+    }
+    return Drawn(shaded, lambda pixels: costs)
+
+
+def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
+    options, count = job.config.atlas, sh.count(job.config.transfer.bands)
+    shaded = LitTextureMethod(
+        drawing,
+        baked.pages,
+        texels=options.format,
+        level_of_detail=options.level_of_detail,
+        material=job.material,
+    )
+    # a diffuse material looks at J_0 alone; a glossy one sums J with the lobe
+    fetched, summed = (4 * count, 3 * count) if job.material.glossy else (count + 3, 3)
+    decoding = fetched if options.format == "uint8" else 0
+    filtering = "trilinear" if len(baked.pages[0].levels) > 1 else "bilinear"
+    costs = {
+        "macs": score.fetch_macs(fetched, filtering) + decoding + summed + _shading_macs(job),
+        "bytes": shaded.bytes,
+        "bake_seconds": baked.facts["seconds"],
         "train_seconds": None,
     }
     return Drawn(shaded, lambda pixels: costs)

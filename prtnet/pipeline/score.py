@@ -46,6 +46,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
     inputs = job.scene_key | {
         "methods": job.config.methods,
         "texture": baked.texture.key,
+        **({"lit": baked.lit.key} if baked.lit else {}),
         "atlas": asdict(job.config.atlas),
         "vertex": baked.mesh and baked.mesh.key,
         "net": trained and trained.key,

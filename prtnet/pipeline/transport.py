@@ -130,7 +130,8 @@ def incident(
     """{"transfer": "n 3k"}: SH of the light from other surfaces, under one fixed light; `inputs` as for `traced`."""
     bands = job.config.transfer.bands
     inputs = dict(inputs) | {"radiosity": radiosity.key, "light": light.tolist(), "bands": bands}
-    sent = np.einsum("tkc,kc->tc", radiosity.sent, light).astype(np.float32)
+    both = min(radiosity.sent.shape[1], len(light))
+    sent = np.einsum("tkc,kc->tc", radiosity.sent[:, :both], light[:both]).astype(np.float32)
 
     def gather(tracer: Any, positions: Array, normals: Array, **options: Any) -> Array:
         found = transfer.incident(tracer, positions, normals, radiosity.surface, sent, bands=bands, **options)

@@ -77,16 +77,14 @@ class Shaded:
         return f"prt_gloss({', '.join(arguments)})"
 
     def _compile(self, gloss_function: str) -> None:
-        names, own = [f"t{layer}" for layer in range(self.groups * self.layers)], bool(self._attributes)
+        names, own = self._vectors(), bool(self._attributes)
         defines: dict[str, Any] = {"DIFFUSE": number(self.material.diffuse / math.pi)}
         if gloss_function:
             specular = "reflectance.rgb" if own else vector("vec3", np.asarray(self.material.specular))
-            call = self._gloss_call("mirrored()", "exponent()", names[: self.layers])
-            defines["GLOSS"] = f"{specular} * {call}"
+            defines["GLOSS"] = f"{specular} * ({self._seen(names)})"
         if own:
             defines |= {"DIFFUSE": f"({number(1 / math.pi)} * reflectance.a)", "AT_VERTEX": "hand_on_reflectance()"}
             defines |= {"ROUGHNESS": 1} if self.material.roughness == "file" else {}
-        starts = range(0, len(names), self.layers)
         texts = [gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")]
         texts += [gl.shader("shading_normal.glsl"), *[gl.shader("reflectance.frag.glsl")] * own]
         self.program = self.raster.program(
@@ -95,10 +93,23 @@ class Shaded:
             LAYERS=self.light_layers,
             DECLARE="vec4 " + ", ".join(names),
             TRANSFER=self._transfer,
-            SUM=irradiance_text([self._summed(names[first : first + self.layers]) for first in starts]),
+            SUM=self._received(names),
             **defines,
         )
         self.draws = self.raster.draws(self.program, self._attributes)
+
+    def _vectors(self) -> list[str]:
+        """The vec4 that the source of transfer fills."""
+        return [f"t{layer}" for layer in range(self.groups * self.layers)]
+
+    def _received(self, names: list[str]) -> str:
+        """Irradiance as an expression of the vectors."""
+        starts = range(0, len(names), self.layers)
+        return irradiance_text([self._summed(names[first : first + self.layers]) for first in starts])
+
+    def _seen(self, names: list[str]) -> str:
+        """What the lobe takes of all light, as an expression of the vectors."""
+        return self._gloss_call("mirrored()", "exponent()", names[: self.layers])
 
     def _summed(self, group: list[str]) -> list[str]:
         """The vectors of a group that the diffuse sum takes. Where a light has more coefficients than the transfer,
@@ -157,10 +168,12 @@ class TextureMethod(Shaded):
         level_of_detail: str = "derivative",
         material: Material = DIFFUSE,
         groups: int = 1,
+        coefficients: int | None = None,
     ):
-        # texture: an image, or the pages of the raster's atlas; texels: a format of data.quantise
+        # texture: an image, or the pages of the raster's atlas; texels: a format of data.quantise; coefficients: of
+        # the first group, where there are channels that are no groups
         pages = [page_of(texture)] if isinstance(texture, Array) else texture
-        channels = pages[0].levels[0].shape[2] // groups
+        channels = coefficients or pages[0].levels[0].shape[2] // groups
         # the direct group is for gloss alone
         first = 0 if material.glossy or groups == 1 else gl.layer_count(channels)
         if groups > 1:

@@ -274,3 +274,31 @@ def test_without_a_net_nothing_is_trained(tmp_path):
 def test_methods_are_checked(tmp_path, methods):
     with pytest.raises(PrtnetError, match=r"methods: found .*, expected texture and some of vertex, net"):
         run(config(tmp_path, methods=methods))
+
+
+def test_gloss_mirrors_light_between_surfaces_that_was_baked_under_the_light(tmp_path):
+    """The texture for any light has no gloss of what other surfaces send; the one under this light has."""
+    changes = {
+        "methods": ["texture", "lit_texture"],
+        "scene__camera": "inside",
+        "transfer__transport": "interreflected",
+        "material__specular": [0.5, 0.5, 0.5],
+        "material__exponent": 4.0,
+        "atlas__size": 128,
+        "transfer__directions": 256,
+        "render__traced_directions": 1024,
+    }
+    run(config(tmp_path, **changes))
+    rows, _ = score.read(tmp_path / "score.json")
+    psnr = {row.method: row.psnr or 0 for row in rows}
+    assert psnr["lit_texture"] > psnr["texture"] + 1
+    run(config(tmp_path, **changes | {"material__specular": [0.0, 0.0, 0.0]}))
+    rows, _ = score.read(tmp_path / "score.json")
+    by_method = {row.method: row for row in rows}
+    assert abs((by_method["lit_texture"].psnr or 0) - (by_method["texture"].psnr or 0)) < 1.5
+    assert (by_method["lit_texture"].bytes or 0) < (by_method["texture"].bytes or 0) / 2
+
+
+def test_lit_textures_need_light_between_surfaces(tmp_path):
+    with pytest.raises(PrtnetError, match=r"lit_texture.*expected transfer\.transport=interreflected"):
+        run(config(tmp_path, methods=["texture", "lit_texture"]))

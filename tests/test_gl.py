@@ -44,7 +44,7 @@ def test_upload_and_read_keep_rows(channels):
 
 def test_layers_keep_rows_and_are_padded():
     image = np.random.default_rng(0).random((4, 4, 6), np.float32)
-    made = gl.upload_layers(image)
+    made = gl.upload_layers([image])
     data = np.frombuffer(made.read(), np.float32).reshape(2, 4, 4, 4)
     np.testing.assert_array_equal(data[0, ::-1], image[..., :4])
     np.testing.assert_array_equal(data[1, ::-1, :, :2], image[..., 4:])

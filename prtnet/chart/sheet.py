@@ -1,7 +1,7 @@
 """The contact sheet: all views and methods with their error maps in one picture, to look at before any number."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib
@@ -102,6 +102,28 @@ def contact_sheet(
             error = error_map(image, wanted)
             _cell(sheet, pen, plan, (row, 1 + 2 * index), image, f"{decibels:.1f} dB")
             _cell(sheet, pen, plan, (row, 2 + 2 * index), error, f"largest {np.abs(image - wanted).max():.2f}")
+    with store.atomic(path) as temporary:
+        sheet.save(temporary, format="PNG", optimize=True)
+
+
+def grid(
+    path: Path,
+    images: Mapping[str, Sequence[Float[Array, "h w 3"] | None]],
+    columns: Sequence[str],
+    *,
+    title: str,
+    cell: int = 256,
+) -> None:
+    """Write a PNG of tone-mapped sRGB images in [0, 1]: a row by each name, empty places where there is None."""
+    first = next(image for row in images.values() for image in row if image is not None)
+    plan = replace(layout(len(images), 0, first.shape[:2], cell), columns=len(columns))
+    sheet = Image.new("RGB", plan.sheet, PAPER)
+    pen = ImageDraw.Draw(sheet)
+    _head(pen, plan, title, columns)
+    for row, (name, found) in enumerate(images.items()):
+        for column, image in enumerate(found):
+            if image is not None:
+                _cell(sheet, pen, plan, (row, column), image, name)
     with store.atomic(path) as temporary:
         sheet.save(temporary, format="PNG", optimize=True)
 

@@ -99,3 +99,14 @@ def test_bad_views_are_refused(tmp_path: Path) -> None:
         sheet.contact_sheet(tmp_path / "sheet.png", {"net": images(0, 1)})
     with pytest.raises(PrtnetError, match="traced 2, net 1"):
         sheet.contact_sheet(tmp_path / "sheet.png", {"traced": images(0, 2), "net": images(0, 1)})
+
+
+def test_a_grid_shows_rows_and_leaves_places_empty(tmp_path: Path) -> None:
+    first, second, third = images(0, 3)
+    sheet.grid(tmp_path / "grid.png", {"a": [first, None], "b": [second, third]}, ["one", "two"], title="t", cell=32)
+    pixels = read(tmp_path / "grid.png")
+    plan = sheet.Layout(2, 2, 32, 20)
+    assert pixels.shape[:2] == plan.sheet[::-1]
+    for row, column, image in ((0, 0, first), (1, 0, second), (1, 1, third)):
+        np.testing.assert_array_equal(window(pixels, plan, row, column), bytes_of(image))
+    assert (window(pixels, plan, 0, 1) == sheet.PAPER).all()

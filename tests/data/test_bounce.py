@@ -1,5 +1,7 @@
 """Interreflection: what a point gets from the surfaces it sees, against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,7 +9,7 @@ import trimesh
 from prtnet import sh
 from prtnet.data import atlas, builtin, samples, surface, texture, transfer
 from prtnet.data.part import Part
-from prtnet.data.scene import assemble
+from prtnet.data.scene import IDENTITY, assemble
 from prtnet.data.tracer import Tracer
 
 SIZE = 256
@@ -148,3 +150,41 @@ def test_white_furnace(name):
     assert np.all(np.diff(means) > 1e-4)
     assert total.max() < 1 + 0.02  # the noise of 64 rays at a texel
     assert means[-1] > means[0] + 0.02
+
+
+def test_light_turned_is_scene_turned():
+    """Scene and light turned by the same rotation: every point sends what it sent, directly and after a bounce."""
+    scene = builtin.make("cornell", tessellation=0.4).centred()
+    angle = 0.7
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    turn = turn @ np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
+    light = np.random.default_rng(0).normal(size=(16, 3))
+    points = samples.area_uniform(scene, 400, np.random.default_rng(1))
+
+    def radiance(turned, coefficients, positions, normals):
+        tracer, rng = Tracer(turned), np.random.default_rng(2)
+        found, texels, albedo = kept(turned)
+        options = {"bands": 4, "directions": 1024, "rng": rng}
+        direct = transfer.bake(
+            tracer, texels.positions, texels.normals, geometric_normals=texels.geometric_normals, **options
+        )
+        own = transfer.bake(tracer, positions, normals, **options)
+        sent = surface.outgoing(albedo, direct)
+        back = transfer.bounce(tracer, positions, normals, found, sent, directions=1024, rng=rng)
+        return own @ coefficients, np.einsum("nkc,kc->nc", back, coefficients)
+
+    moved = replace(
+        scene,
+        vertices=scene.vertices @ turn.T,
+        normals=(scene.normals @ turn.T).astype(np.float32),
+        frame=IDENTITY,
+    )
+    sides = points.geometric_normals.astype(np.float64)
+    before = radiance(scene, light, points.positions, sides)
+    after = radiance(moved, sh.rotate(light, turn), points.positions @ turn.T, sides @ turn.T)
+    for first, second in zip(before, after, strict=True):
+        scale = np.sqrt(np.mean(np.square(first)))
+        assert scale > 0.05
+        # texels lie elsewhere and rays are turned: noise, and nothing but noise
+        assert np.sqrt(np.mean(np.square(first - second))) < 0.03 * scale
+        assert np.abs((first - second).mean(axis=0)).max() < 0.005 * scale

@@ -29,9 +29,11 @@ Array = np.ndarray
 
 FORMAT = 1
 METADATA_KEY = "prtnet_net"
-ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu")
+ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine")
+ENCODINGS = ("identity", "frequency", "triangle")
 OUTPUTS = ("tanh", "linear")
 _CHUNK = 1 << 15
+_LATER = ("encoding",)  # fields that files leave out at their default, as files did before these fields
 
 
 @dataclass(frozen=True)
@@ -52,13 +54,15 @@ class NetSpec:
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # float64, in the file's units
     scale: float = 1.0
     name: str = "net"
+    encoding: str = "frequency"
 
     def __post_init__(self) -> None:
         _one_of("activation", self.activation, ACTIVATIONS)
         _one_of("output", self.output, OUTPUTS)
+        _one_of("encoding", self.encoding, ENCODINGS)
         if not (self.scale > 0 and np.isfinite([self.scale, *self.centre]).all()):
             raise PrtnetError(f"net: found centre {self.centre} and scale {self.scale}, expected finite, scale above 0")
-        inputs = encoded_size(self.position_frequencies, self.normal_frequencies)
+        inputs = encoded_size(self.position_frequencies, self.normal_frequencies, self.encoding)
         found = [weight.shape for weight in self.weights]
         for weight, bias in zip(self.weights, self.biases, strict=True):
             if weight.shape != (len(bias), inputs):
@@ -78,24 +82,28 @@ def _one_of(field: str, found: str | int, expected: tuple[str, ...] | tuple[int,
         raise PrtnetError(f"net {field}: found {found!r}, expected one of {', '.join(map(str, expected))}")
 
 
-def encoded_size(position_frequencies: int, normal_frequencies: int) -> int:
+def encoded_size(position_frequencies: int, normal_frequencies: int, encoding: str = "frequency") -> int:
     """Numbers that enter the first layer."""
     if position_frequencies < 0 or normal_frequencies < 0:
         raise PrtnetError(f"net frequencies: found {position_frequencies}, {normal_frequencies}, expected 0 or more")
-    return 6 + 6 * (position_frequencies + normal_frequencies)
+    return 6 + 6 * (position_frequencies + normal_frequencies) * (encoding != "identity")
 
 
-def encode(x: Float[Array, "n 3"], frequencies: int) -> Float[Array, "n e"]:
-    """gamma(x) = (x, sin 2 pi f_0, cos 2 pi f_0, sin 2 pi f_1, ...) with f_j = fract(2^j x / 2), in float64.
+def encode(x: Float[Array, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Array, "n e"]:
+    """gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...) with f_j = fract(2^j x / 2), in float64.
 
-    In turns the argument of the sine is exact for a float32 x, however high the frequency.
+    `frequency`: s and c are sin 2 pi f and cos 2 pi f. `triangle`: the triangle waves with their zeros, peaks and
+    troughs. `identity`: x alone. In turns the argument of a wave is exact for a float32 x, however high the frequency.
     """
     exact = np.asarray(x, np.float64)
     parts = [exact]
-    for j in range(frequencies):
+    for j in range(frequencies if encoding != "identity" else 0):
         turns = exact * 2.0 ** (j - 1)
-        angle = 2 * math.pi * (turns - np.floor(turns))
-        parts += [np.sin(angle), np.cos(angle)]
+        turns -= np.floor(turns)
+        if encoding == "triangle":
+            parts += [4 * np.abs(np.abs(turns - 0.25) - 0.5) - 1, 4 * np.abs(turns - 0.5) - 1]
+        else:
+            parts += [np.sin(2 * math.pi * turns), np.cos(2 * math.pi * turns)]
     return np.concatenate(parts, axis=1)
 
 
@@ -107,6 +115,10 @@ def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Arr
     """
     if name == "leaky_relu":
         return lambda x: np.maximum(x, negative_slope * x)
+    if name == "relu":
+        return lambda x: np.maximum(x, 0)
+    if name == "sine":
+        return np.sin
     if name == "hard_gelu":
         return lambda x: x * np.clip(0.5 + 0.5 * x, 0, 1)
     if name == "silu":
@@ -141,7 +153,8 @@ def _rounded(x: Array) -> Array:
 
 
 def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
-    h = np.concatenate([encode(positions, net.position_frequencies), encode(normals, net.normal_frequencies)], 1)
+    position = encode(positions, net.position_frequencies, net.encoding)
+    h = np.concatenate([position, encode(normals, net.normal_frequencies, net.encoding)], 1)
     bend = activation(net.activation, net.negative_slope)
     last = len(net.weights) - 1
     for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
@@ -166,7 +179,8 @@ def byte_count(net: NetSpec) -> int:
 
 def save(net: NetSpec, path: Path | str) -> None:
     """Writes the net, atomically; the same net gives the same bytes. Inverse of `load`."""
-    descriptor = {field.name: getattr(net, field.name) for field in fields(net)}
+    values = {field.name: (getattr(net, field.name), field.default) for field in fields(net)}
+    descriptor = {name: value for name, (value, default) in values.items() if name not in _LATER or value != default}
     descriptor["centre"] = list(net.centre)
     del descriptor["weights"], descriptor["biases"]
     tensors = {}

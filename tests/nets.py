@@ -16,12 +16,13 @@ def random_net(
     normal_frequencies: int = 2,
     bands: int = 5,
     groups: int = 1,
+    encoding: str = "frequency",
     seed: int = 0,
     **fields: object,
 ) -> NetSpec:
     """He-scaled weights: values keep their size through the layers, as in a trained net."""
     rng = np.random.default_rng(seed)
-    inputs = netspec.encoded_size(position_frequencies, normal_frequencies)
+    inputs = netspec.encoded_size(position_frequencies, normal_frequencies, encoding)
     sizes = [inputs, *[width] * depth, groups * sh.count(bands)]
     weights = tuple(
         (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
@@ -35,6 +36,7 @@ def random_net(
         normal_frequencies=normal_frequencies,
         bands=bands,
         groups=groups,
+        encoding=encoding,
         **fields,  # pyright: ignore[reportArgumentType]
     )
 

@@ -24,6 +24,22 @@ def test_encoding_is_the_sine_of_the_exact_argument(x, frequencies):
     np.testing.assert_allclose(encoded, expected, rtol=0, atol=1e-15)
 
 
+@given(coordinates, st.integers(1, 12))
+def test_triangle_waves_are_arcsines_of_the_sines(x, frequencies):
+    point = np.full((1, 3), x, np.float32)
+    waves = netspec.encode(point, frequencies, "triangle")
+    expected = 2 / np.pi * np.arcsin(netspec.encode(point, frequencies)[:, 3:])
+    np.testing.assert_array_equal(waves[:, :3], point)
+    # the slope of the arcsine is infinite where a sine is 1
+    np.testing.assert_allclose(waves[:, 3:], expected, rtol=0, atol=1e-7)
+
+
+def test_identity_leaves_the_point_as_it_is():
+    positions, _ = random_points(5)
+    np.testing.assert_array_equal(netspec.encode(positions, 7, "identity"), positions)
+    assert netspec.encoded_size(7, 3, "identity") == 6
+
+
 @given(st.integers(-1024, 1024), st.integers(1, 10))
 def test_encoding_has_the_period_of_its_octave(steps, j):
     x, period = steps / 1024, 4.0 / 2**j
@@ -45,6 +61,8 @@ def test_evaluate_is_the_written_formula():
 def test_activations_at_known_places():
     x = np.array([-200.0, -1.0, 0.0, 1.0, 200.0])
     np.testing.assert_allclose(netspec.activation("leaky_relu", 0.01)(x), [-2, -0.01, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("relu")(x), [0, 0, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("sine")(x * np.pi / 4), [0, -(0.5**0.5), 0, 0.5**0.5, 0], atol=1e-13)
     np.testing.assert_allclose(netspec.activation("hard_gelu")(x / 2), [0, -0.125, 0, 0.375, 100])
     np.testing.assert_allclose(netspec.activation("silu")(x), [0, -0.268941421, 0, 0.731058579, 200], atol=1e-9)
     # the published values of the exact GELU are -0.158655 and 0.841345; the tanh form is within 2e-4 of them
@@ -107,6 +125,13 @@ def test_round_trip_of_fields_and_bytes(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.safetensors", "b.safetensors"]
 
 
+@pytest.mark.parametrize(("fields", "written"), [({}, False), ({"encoding": "triangle"}, True)])
+def test_fields_that_came_later_are_written_where_they_are_used(fields, written, tmp_path):
+    netspec.save(random_net(**fields), tmp_path / "net")
+    assert (b"encoding" in (tmp_path / "net").read_bytes()) == written
+    assert netspec.load(tmp_path / "net").encoding == fields.get("encoding", "frequency")
+
+
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
 def test_a_truncated_file_is_named(tmp_path, share):
     path = tmp_path / "cut.safetensors"
@@ -137,7 +162,9 @@ def test_other_files_are_refused_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"activation": "sine"}, "activation: found 'sine'"),
+        ({"activation": "cosine"}, "activation: found 'cosine'"),
+        ({"encoding": "hash"}, "encoding: found 'hash', expected one of identity, frequency, triangle"),
+        ({"encoding": "identity"}, "layers: found .* 6 inputs"),
         ({"output": "softmax"}, "output: found 'softmax'"),
         ({"bands": 4}, "outputs: found 25, expected 16"),
         ({"position_frequencies": 4}, "layers"),

@@ -1,6 +1,7 @@
 """Training recipes: everything of a net and its training but the net's size."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from prtnet import PrtnetError
 
@@ -19,10 +20,13 @@ class TrainOptions:
 
     recipe: str = "default"  # its name, for tables
     # the net around its layers
-    activation: str = "hard_gelu"  # leaky_relu | gelu | silu | hard_gelu
+    activation: str = "hard_gelu"  # leaky_relu | gelu | silu | hard_gelu | relu | sine
     negative_slope: float = 0.01  # of leaky_relu
+    # of sine: hidden layers are sin(sine_omega (W h + b)); SIREN has 30, and wants rates as many times lower
+    sine_omega: float = 1.0
     output: str = "linear"  # tanh | linear
     residual: bool = False  # the layers learn what occlusion changes of the transfer of an unoccluded point
+    encoding: str = "frequency"  # of position and normal: frequency | triangle (waves for sines) | identity (none)
     position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
     normal_frequencies: int = 2
     # what is minimised
@@ -74,10 +78,22 @@ def published() -> TrainOptions:
     )
 
 
+# options that came later: recipes that leave them at their defaults keep the keys of their nets
+_LATER = ("encoding", "sine_omega")
+
+
+def settings(options: TrainOptions) -> dict[str, Any]:
+    """The options by name, for keys."""
+    defaults = {field.name: field.default for field in fields(options)}
+    values = asdict(options)
+    return {name: value for name, value in values.items() if name not in _LATER or value != defaults[name]}
+
+
 def check(options: TrainOptions) -> None:
     """Raises PrtnetError where a field holds a word or number that means nothing."""
     words = {
-        "activation": ("leaky_relu", "gelu", "silu", "hard_gelu"),
+        "activation": ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine"),
+        "encoding": ("frequency", "triangle", "identity"),
         "output": ("tanh", "linear"),
         "loss": ("l1", "l2", "huber"),
         "optimiser": ("adam", "muon", "soap"),
@@ -89,7 +105,7 @@ def check(options: TrainOptions) -> None:
         found = getattr(options, field)
         if found not in allowed:
             raise PrtnetError(f"train.{field}: found {found!r}, expected one of {', '.join(allowed)}")
-    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds"):
+    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega"):
         if not getattr(options, field) > 0:
             raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected more than 0")
     for field in ("warmup", "average", "beta2"):

@@ -3,7 +3,7 @@
 import hashlib
 import logging
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -11,9 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from prtnet import PrtnetError, sh, store
-from prtnet.models import checkpoint, loss, optimiser
+from prtnet.models import checkpoint, loss, optimiser, recipe
 from prtnet.models.mlp import SCALE, Mlp, ModelOptions
-from prtnet.models.recipe import TrainOptions, check
+from prtnet.models.recipe import TrainOptions
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class Run:
     """The state of a training run, and one step of it."""
 
     def __init__(self, points: Points, model: ModelOptions, options: TrainOptions, steps: int) -> None:
-        check(options)
+        recipe.check(options)
         _check_points(points, model, steps)
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
@@ -135,7 +135,8 @@ class Run:
         digest = hashlib.sha256()
         for array in (points.positions, points.normals, points.transfer):
             digest.update(np.ascontiguousarray(array).data)
-        settings = asdict(self.options) | {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
+        settings = recipe.settings(self.options)
+        settings |= {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
         for field in ("recipe", "precision", "cpu_seconds", "checkpoint_seconds"):
             del settings[field]
         layers = [list(weight.shape) for weight in self.net.weights]

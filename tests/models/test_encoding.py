@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,12 +8,13 @@ from prtnet import netspec
 from prtnet.models.encoding import encode
 
 
+@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
 @given(st.lists(st.floats(-1, 1, width=32), min_size=3, max_size=3), st.integers(0, 12))
-def test_torch_encodes_as_numpy_does(point, frequencies):
+def test_torch_encodes_as_numpy_does(encoding, point, frequencies):
     x = np.array([point], np.float32)
-    found = encode(torch.from_numpy(x), frequencies).numpy()
+    found = encode(torch.from_numpy(x), frequencies, encoding).numpy()
     assert found.dtype == np.float32
-    np.testing.assert_allclose(found, netspec.encode(x, frequencies), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found, netspec.encode(x, frequencies, encoding), rtol=0, atol=1e-6)
 
 
 def test_high_octaves_stay_exact_in_float32():

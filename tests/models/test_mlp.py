@@ -25,6 +25,41 @@ def test_torch_and_its_spec_agree(activation, output, residual):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
+def test_torch_and_its_spec_agree_on_the_encoding(encoding):
+    net = _net(TrainOptions(encoding=encoding, activation="relu"))
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    assert net.spec().encoding == encoding
+    np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("omega", [1.0, 30.0])
+def test_sine_layers_begin_with_the_spread_of_siren(omega):
+    """Sitzmann et al. 2020, theorem 1.8: what enters each sine is about normal, of twice the mean square before it."""
+    head = TrainOptions(activation="sine", sine_omega=omega, encoding="frequency")
+    net = _net(head, width=256, depth=4).spec()
+    assert np.abs(net.weights[0]).max() <= omega / net.weights[0].shape[1]
+    hidden = np.sin(np.random.default_rng(0).uniform(-np.pi, np.pi, (2000, 256)))
+    variance = 1.0
+    for weight in net.weights[1:-1]:
+        inner = hidden @ weight.T
+        assert inner.var() == pytest.approx(variance, rel=0.03)
+        # of normal numbers 4.6 % lie beyond two standard deviations
+        assert np.mean(np.abs(inner) > 2 * inner.std()) == pytest.approx(0.046, abs=0.01)
+        hidden, variance = np.sin(inner), 1 - np.exp(-2 * variance)
+
+
+@pytest.mark.parametrize("omega", [1.0, 30.0])
+def test_the_file_holds_omega_in_its_weights(omega):
+    net = _net(TrainOptions(activation="sine", sine_omega=omega, output="linear"))
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
+
+
 def test_the_residual_is_the_transfer_of_an_open_point():
     net = _net(TrainOptions(residual=True, output="linear"))
     with torch.no_grad():

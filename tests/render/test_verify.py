@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from prtnet.export import glsl
+from prtnet.netspec import NetSpec
 from prtnet.render import verify
 from tests.nets import random_net
 
@@ -10,6 +11,8 @@ HEADS = [
     {"activation": "gelu", "output": "linear", "residual": True},
     {"activation": "silu", "output": "linear", "residual": True},
     {"activation": "hard_gelu", "output": "linear"},
+    {"activation": "relu", "output": "linear", "encoding": "identity"},
+    {"activation": "sine", "output": "linear", "encoding": "triangle"},
 ]
 
 
@@ -59,6 +62,19 @@ def test_corners_of_the_encoding():
     positions = np.stack(np.meshgrid(grid, grid, grid), -1).reshape(-1, 3)
     normals = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (122, 1))[: len(positions)].astype(np.float32)
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+@pytest.mark.parametrize("turns", [0.5, 16, 1024])
+def test_the_sine_activation_is_off_by_rounding_alone(turns):
+    """Each driver's own sine may be off by 1e-3; this one is a polynomial after whole turns are taken off exactly."""
+    reach = 2 * np.pi * turns
+    weight = np.zeros((4, 6), np.float32)
+    weight[0, 0] = 2.0 ** np.floor(np.log2(reach))  # a power of 2 rounds nothing
+    biases = (np.zeros(4, np.float32), np.zeros(1, np.float32))
+    last = np.float32([[1, 0, 0, 0]])
+    net = NetSpec((weight, last), biases, 0, 0, activation="sine", output="linear", output_scale=1.0, bands=1)
+    positions, normals = verify.random_points(4000, np.random.default_rng(5))
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= 4e-7
 
 
 def test_a_wrong_digit_is_seen():

@@ -4,7 +4,7 @@ gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...), f_j = fract(2^j x / 2): waves over 
 that float32 stays exact at any frequency.
 
 frequency  s = sin 2 pi f, c = cos 2 pi f: Mildenhall et al. 2020 (NeRF), eq. 4.
-triangle   the triangle waves with their zeros, peaks and troughs, no more than absolute values: after Mueller et al.
+triangle   the triangle waves with their zeros, peaks and troughs, no more than absolute values: after Müller et al.
            2021, *Real-time Neural Radiance Caching for Path Tracing*, section 4, which has one wave an octave.
 identity   x alone.
 """

@@ -30,8 +30,10 @@ class TrainOptions:
     position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
     normal_frequencies: int = 2
     # what is minimised
-    loss: str = "huber"  # l1 | l2 | huber
-    huber_delta: float = 0.02  # of huber, in units of t / pi
+    loss: str = "huber"  # of coefficients: l1 | l2 | huber; or projection (on the sphere) | radiance (under lights)
+    huber_delta: float = 0.02  # of huber, in units of t / pi; of radiance, where an open surface shows about 1
+    loss_norm: str = "huber"  # of projection and radiance: l1 | l2 | huber
+    loss_samples: int = 64  # of projection and radiance: directions or lights, drawn for each step
     band_falloff: float = 0.0  # band l weighs (1 + l)^-band_falloff
     dark_weight: float = 0.0  # a point weighs (its open share)^-dark_weight, about as the display curve shows errors
     # how
@@ -79,7 +81,7 @@ def published() -> TrainOptions:
 
 
 # options that came later: recipes that leave them at their defaults keep the keys of their nets
-_LATER = ("encoding", "sine_omega")
+_LATER = ("encoding", "sine_omega", "loss_norm", "loss_samples")
 
 
 def settings(options: TrainOptions) -> dict[str, Any]:
@@ -95,7 +97,8 @@ def check(options: TrainOptions) -> None:
         "activation": ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine"),
         "encoding": ("frequency", "triangle", "identity"),
         "output": ("tanh", "linear"),
-        "loss": ("l1", "l2", "huber"),
+        "loss": ("l1", "l2", "huber", "projection", "radiance"),
+        "loss_norm": ("l1", "l2", "huber"),
         "optimiser": ("adam", "muon", "soap"),
         "schedule": ("constant", "cosine", "one_cycle"),
         "precision": ("auto", "float32", "bfloat16"),
@@ -105,7 +108,7 @@ def check(options: TrainOptions) -> None:
         found = getattr(options, field)
         if found not in allowed:
             raise PrtnetError(f"train.{field}: found {found!r}, expected one of {', '.join(allowed)}")
-    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega"):
+    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega", "loss_samples"):
         if not getattr(options, field) > 0:
             raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected more than 0")
     for field in ("warmup", "average", "beta2"):

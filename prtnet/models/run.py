@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from prtnet import PrtnetError, sh, store
-from prtnet.models import checkpoint, loss, optimiser, recipe
+from prtnet.models import checkpoint, functional, loss, optimiser, recipe
 from prtnet.models.mlp import SCALE, Mlp, ModelOptions
 from prtnet.models.recipe import TrainOptions
 
@@ -47,6 +47,8 @@ class Run:
         weighted = options.band_falloff != 0
         weights = loss.band_weights(bands, options.band_falloff).repeat(points.groups).to(self.device)
         self.band_weights = weights if weighted else None
+        sampled = options.loss in functional.KINDS
+        self.functionals = functional.pool(options.loss, bands, options.seed).to(self.device) if sampled else None
         self.table = self._table(points)
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)
@@ -69,14 +71,7 @@ class Run:
         optimiser.set_rate(self.optimisers, optimiser.rate(self.options, self.step, self.steps))
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
             predicted = self.net(rows[:, :3], rows[:, 3:6])
-        value = loss.loss(
-            predicted,
-            rows[:, 7:],
-            kind=self.options.loss,
-            delta=self.options.huber_delta,
-            bands=self.band_weights,
-            points=rows[:, 6] if self.options.dark_weight else None,
-        )
+        value = self._loss(predicted, rows)
         value.backward()
         for each in self.optimisers:
             each.step()
@@ -87,6 +82,14 @@ class Run:
         self.history[self.step] = value.detach()
         self.step += 1
         self.cpu_seconds += self._clock() - started
+
+    def _loss(self, predicted: Tensor, rows: Tensor) -> Tensor:
+        options, target = self.options, rows[:, 7:]
+        weights = {"bands": self.band_weights, "points": rows[:, 6] if options.dark_weight else None}
+        if self.functionals is None:
+            return loss.loss(predicted, target, kind=options.loss, delta=options.huber_delta, **weights)
+        chosen = functional.draw(self.functionals, options.loss_samples, options.seed, self.step)
+        return functional.loss(predicted, target, chosen, kind=options.loss_norm, delta=options.huber_delta, **weights)
 
     def _decay(self) -> float:
         """Short at first, so that the first weights are soon forgotten."""

@@ -49,6 +49,8 @@ def test_recipes_pass_their_own_check():
         {"activation": "swish"},
         {"encoding": "hash"},
         {"sine_omega": 0.0},
+        {"loss_norm": "huge"},
+        {"loss_samples": 0},
         {"output": "sigmoid"},
         {"loss": "mse"},
         {"optimiser": "sgd"},

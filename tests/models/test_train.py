@@ -71,7 +71,7 @@ def test_each_epoch_visits_each_point_at_most_once():
 VARIANTS = {
     "adam": SHORT,
     "soap": replace(SHORT, optimiser="soap"),
-    "muon": replace(SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="l1"),
+    "muon": replace(SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="radiance"),
 }
 
 
@@ -177,6 +177,22 @@ def test_threads_and_random_state_are_left_alone():
         torch.set_num_threads(threads)
     assert rate > 10
     assert torch.equal(torch.get_rng_state(), before)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"loss": "projection", "loss_samples": 16},
+        {"loss": "radiance", "loss_norm": "l1", "band_falloff": 0.5, "dark_weight": 0.5},
+        {"encoding": "triangle", "activation": "relu", "optimiser": "muon"},
+        {"encoding": "identity", "activation": "sine", "sine_omega": 10.0, "learning_rate": 0.005},
+    ],
+)
+def test_every_part_learns(change):
+    test = points(500, seed=9)
+    result = train(points(20_000), model=MODEL, options=replace(SHORT, **change), steps=400, held_out=test)
+    open_points = np.sqrt(np.mean((sh.cosine_lobe(test.normals, 3) - test.transfer) ** 2))
+    assert np.sqrt(np.mean(result.held_out_rmse**2)) < 0.2 * open_points
 
 
 def test_the_progress_line_gets_what_it_needs():

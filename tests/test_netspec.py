@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from safetensors.numpy import save_file
+from scipy.interpolate import RegularGridInterpolator
 
 from prtnet import PrtnetError, netspec, sh
-from tests.nets import random_net, random_points
+from tests.nets import random_grid, random_net, random_points
 
 coordinates = st.floats(-1, 1, width=32)
 
@@ -38,6 +39,63 @@ def test_identity_leaves_the_point_as_it_is():
     positions, _ = random_points(5)
     np.testing.assert_array_equal(netspec.encode(positions, 7, "identity"), positions)
     assert netspec.encoded_size(7, 3, "identity") == 6
+
+
+def test_grids_are_interpolated_between_the_middles_of_cells():
+    grid = random_grid(5, 4, 3, kind="float32")
+    middles = [(np.arange(side) + 0.5) / side * 2 - 1 for side in grid.shape[:3]]
+    oracle = RegularGridInterpolator(middles, grid.astype(float))
+    positions, _ = random_points(500)
+    # scipy refuses what lies outside of the outermost middles: there the value stays as it is
+    inside = [np.clip(positions[:, 2 - axis], where[0], where[-1]) for axis, where in enumerate(middles)]
+    np.testing.assert_allclose(netspec.trilinear(grid, positions), oracle(np.stack(inside, 1)), rtol=0, atol=1e-12)
+    corner = netspec.trilinear(grid, np.array([[1.0, -1.0, 1.0]]))
+    np.testing.assert_array_equal(corner[0], grid[-1, 0, -1])
+
+
+def test_features_follow_the_encoded_normal():
+    grids = (random_grid(2, 3, 4), random_grid(3, 1, 1, channels=4, seed=1))
+    net = random_net(depth=0, output="linear", bands=2, output_scale=1.0, grids=grids)
+    positions, normals = random_points(9)
+    parts = [netspec.encode(positions, 3), netspec.encode(normals, 2)]
+    inputs = np.concatenate([*parts, *[netspec.trilinear(grid, positions) for grid in grids]], 1)
+    expected = inputs @ net.weights[0].T.astype(float) + net.biases[0]
+    np.testing.assert_allclose(netspec.evaluate_unit(net, positions, normals), expected, atol=2e-6)
+
+
+def test_fetches_and_bytes_of_grids_are_counted():
+    grids = (random_grid(2, 3, 4), random_grid(5, 1, 1, channels=4, kind="float32"))
+    net, inputs = random_net(width=8, depth=1, bands=2, grids=grids), 6 + 6 * 5 + 12
+    assert netspec.macs(net) == inputs * 8 + 8 * 4 + 8 * (8 + 4)
+    assert netspec.byte_count(net) == 4 * (inputs * 8 + 8 + 8 * 4 + 4) + 2 * 24 * 8 + 4 * 5 * 4
+
+
+def test_grids_come_back_from_the_file_in_their_type(tmp_path):
+    net = random_net(grids=(random_grid(2, 3, 4), random_grid(5, 1, 1, channels=4, kind="float32")))
+    netspec.save(net, tmp_path / "a")
+    again = netspec.load(tmp_path / "a")
+    for found, expected in zip(again.grids, net.grids, strict=True):
+        assert found.dtype == expected.dtype
+        np.testing.assert_array_equal(found, expected)
+    netspec.save(again, tmp_path / "b")
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    cut = (tmp_path / "a").read_bytes().replace(b'\\"grids\\": 2', b'\\"grids\\": 3')
+    (tmp_path / "c").write_bytes(cut)
+    with pytest.raises(PrtnetError, match=r"c: .*grid\.2"):
+        netspec.load(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (random_grid(2, 2, 2, channels=6), r"grid: found \(2, 2, 2, 6\) in float16, expected .* 4 n channels"),
+        (random_grid(2, 2, 2, kind="float64"), "in float64"),
+        (random_grid(2, 2, 2) * np.float16("inf"), "grid: found NaN or infinity"),
+    ],
+)
+def test_grids_that_mean_nothing_are_refused(grid, message):
+    with pytest.raises(PrtnetError, match=message):
+        replace(random_net(), grids=(grid,))
 
 
 @given(st.integers(-1024, 1024), st.integers(1, 10))

@@ -1,4 +1,4 @@
-"""Encodings of positions and normals, the torch twin of `prtnet.netspec.encode`.
+"""Encodings of positions and normals, the torch twins of `prtnet.netspec.encode` and `trilinear`.
 
 gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...), f_j = fract(2^j x / 2): waves over octaves, with the argument in turns so
 that float32 stays exact at any frequency.
@@ -14,6 +14,7 @@ import math
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn import functional
 
 
 def encode(x: Float[Tensor, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Tensor, "n e"]:
@@ -29,3 +30,11 @@ def encode(x: Float[Tensor, "n 3"], frequencies: int, encoding: str = "frequency
         from_peak = turns + (quarter - 0.25)
         return torch.cat([x, 1 - 4 * (from_peak - from_peak.round()).abs()], dim=1)
     return torch.cat([x, torch.sin((turns + quarter) * (2 * math.pi))], dim=1)
+
+
+def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
+    """Channels of a dense grid over [-1, 1]^3, with values at the middle of cells as in a texture."""
+    volume, places = grid.permute(3, 0, 1, 2)[None], positions[None, :, None, None]
+    with torch.autocast(grid.device.type, enabled=False):
+        found = functional.grid_sample(volume, places, padding_mode="border", align_corners=False)
+    return found[0, :, :, 0, 0].T

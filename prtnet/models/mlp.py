@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from prtnet import sh
-from prtnet.models.encoding import encode
+from prtnet.models.encoding import encode, trilinear
 from prtnet.models.recipe import ModelOptions, TrainOptions
 from prtnet.netspec import NetSpec, encoded_size
 
@@ -29,6 +29,7 @@ class Mlp(nn.Module):
         super().__init__()
         self.head, self.bands, self.groups = head, bands, groups
         inputs = encoded_size(head.position_frequencies, head.normal_frequencies, head.encoding)
+        inputs += head.grid_channels * len(head.grid_cells)
         sizes = [inputs, *[model.width] * model.depth, groups * sh.count(bands)]
         pairs = list(zip(sizes[1:], sizes, strict=False))
         bounds = _sine_bounds(sizes, head.sine_omega) if head.activation == "sine" else [None] * len(pairs)
@@ -37,11 +38,16 @@ class Mlp(nn.Module):
             for (rows, columns), bound in zip(pairs, bounds, strict=True)
         )
         self.biases = nn.ParameterList(_uniform((rows,), columns, generator) for rows, columns in pairs)
+        # all but 0 at first, as in Müller et al. 2022, *Instant Neural Graphics Primitives*
+        self.grids = nn.ParameterList(
+            _uniform((z, y, x, head.grid_channels), 1, generator, 1e-4) for x, y, z in head.grid_cells
+        )
 
     def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
         head = self.head
         position = encode(positions, head.position_frequencies, head.encoding)
-        h = torch.cat([position, encode(normals, head.normal_frequencies, head.encoding)], 1)
+        normal = encode(normals, head.normal_frequencies, head.encoding)
+        h = torch.cat([position, normal, *[trilinear(grid, positions) for grid in self.grids]], 1)
         weights, biases = self._carried()
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
             h = self._bend(functional.linear(h, weight, bias))
@@ -91,17 +97,18 @@ class Mlp(nn.Module):
     ) -> NetSpec:
         """The net to hand over; `centre` and `scale` take file coordinates to the unit positions it was trained on.
 
-        `parameters`, weights first, stand in for the module's own.
+        `parameters`, in the module's order, stand in for the module's own.
         """
         head, hidden = self.head, len(self.weights) - 1
         arrays = [p.detach().cpu().float().numpy().copy() for p in parameters or self.parameters()]
+        layers, grids = arrays[: 2 * hidden + 2], arrays[2 * hidden + 2 :]
         if head.activation == "sine":
             # sin(omega (W h + b)) is sin(W h + b) of larger weights: the file needs no omega
             for index in (*range(hidden), *range(hidden + 1, 2 * hidden + 1)):
-                arrays[index] *= np.float32(head.sine_omega)
+                layers[index] *= np.float32(head.sine_omega)
         return NetSpec(
-            weights=tuple(arrays[: len(self.weights)]),
-            biases=tuple(arrays[len(self.weights) :]),
+            weights=tuple(layers[: hidden + 1]),
+            biases=tuple(layers[hidden + 1 :]),
             position_frequencies=head.position_frequencies,
             normal_frequencies=head.normal_frequencies,
             activation=head.activation,
@@ -115,6 +122,7 @@ class Mlp(nn.Module):
             scale=scale,
             name=name,
             encoding=head.encoding,
+            grids=tuple(grid.astype(head.grid_format) for grid in grids),
         )
 
 

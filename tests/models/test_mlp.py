@@ -35,6 +35,24 @@ def test_torch_and_its_spec_agree_on_the_encoding(encoding):
     np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize(("kind", "activation"), [("float16", "hard_gelu"), ("float32", "sine")])
+def test_torch_and_its_spec_agree_on_grids(kind, activation):
+    head = TrainOptions(grid_cells=[[2, 3, 4], [5, 1, 2]], grid_channels=4, grid_format=kind, activation=activation)
+    net = _net(head)
+    with torch.no_grad():
+        for grid in net.grids:
+            assert 0 < grid.abs().max() <= 1e-4
+            # quarters, which float16 has
+            grid.copy_((4 * torch.randn(grid.shape, generator=torch.Generator().manual_seed(0))).round() / 4)
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    spec = net.spec()
+    assert [grid.shape for grid in spec.grids] == [(4, 3, 2, 4), (2, 1, 5, 4)]
+    assert {str(grid.dtype) for grid in spec.grids} == {kind}
+    np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals), rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize("omega", [1.0, 30.0])
 def test_sine_layers_begin_with_the_spread_of_siren(omega):
     """Sitzmann et al. 2020, theorem 1.8: what enters each sine is about normal, of twice the mean square before it."""

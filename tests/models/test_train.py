@@ -71,7 +71,9 @@ def test_each_epoch_visits_each_point_at_most_once():
 VARIANTS = {
     "adam": SHORT,
     "soap": replace(SHORT, optimiser="soap"),
-    "muon": replace(SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="radiance"),
+    "muon": replace(
+        SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="radiance", grid_cells=[[4, 3, 2]]
+    ),
 }
 
 
@@ -184,6 +186,7 @@ def test_threads_and_random_state_are_left_alone():
     [
         {"loss": "projection", "loss_samples": 16},
         {"loss": "radiance", "loss_norm": "l1", "band_falloff": 0.5, "dark_weight": 0.5},
+        {"grid_cells": [[6, 6, 3]], "grid_channels": 4, "position_frequencies": 0},
         {"encoding": "triangle", "activation": "relu", "optimiser": "muon"},
         {"encoding": "identity", "activation": "sine", "sine_omega": 10.0, "learning_rate": 0.005},
     ],

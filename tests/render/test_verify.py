@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from prtnet.export import glsl
+from prtnet.export import glsl, grid
 from prtnet.netspec import NetSpec
 from prtnet.render import verify
-from tests.nets import random_net
+from tests.nets import random_grid, random_net
 
 HEADS = [
     {"activation": "leaky_relu", "output": "tanh"},
@@ -40,6 +40,24 @@ def test_four_groups_are_padded_one_by_one(bands):
     positions, normals = verify.random_points(300, np.random.default_rng(2))
     assert verify.run(net, glsl.emit(net), positions, normals).shape == (300, 4 * bands**2)
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+@pytest.mark.parametrize("kind", ["float16", "float32"])
+def test_grids_are_fetched_as_numpy_interpolates(kind):
+    """Sides that differ, a grid of one cell, corners of the cube and points between cells."""
+    grids = (random_grid(7, 4, 3, 12, kind), random_grid(1, 1, 1, 4, kind), random_grid(16, 8, 32, 8, kind))
+    net = random_net(width=16, grids=grids)
+    positions, normals = verify.random_points(3000, np.random.default_rng(6))
+    positions[:8] = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
+    positions[8:400] = np.round(positions[8:400] * 8) / 8
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+def test_the_texture_of_a_grid_has_blocks_of_four_channels():
+    values = random_grid(5, 4, 3, 8)
+    volume = grid.texels(values)
+    assert volume.shape == (6, 4, 5, 4)
+    np.testing.assert_array_equal(volume[3 + 2, 1, 4], values[2, 1, 4, 4:])
 
 
 def test_large_arguments_stay_finite():

@@ -49,7 +49,7 @@ class TrainOptions:
     beta2: float = 0.999  # of adam
     batch: int = 2048
     average: float = 0.0  # decay of the running mean of the weights that is exported; 0: the last weights
-    precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it
+    precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it, but for sine
     device: str = "auto"  # cpu | cuda | auto: cuda where torch sees one
     seed: int = 0
     # how long

@@ -38,7 +38,9 @@ class Run:
         _check_points(points, model, steps)
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
-        self.bfloat16 = options.precision == "bfloat16" or (options.precision == "auto" and fast_bfloat16(self.device))
+        # a sine's argument may be large, and bfloat16 has three digits
+        chosen = options.precision == "auto" and options.activation != "sine" and fast_bfloat16(self.device)
+        self.bfloat16 = options.precision == "bfloat16" or chosen
         bands = sh.bands_of(points.transfer.shape[1] // points.groups)
         generator = torch.Generator().manual_seed(options.seed)
         self.net = Mlp(model, options, bands, generator, points.groups).to(self.device)

@@ -33,7 +33,10 @@ def encode(x: Float[Tensor, "n 3"], frequencies: int, encoding: str = "frequency
 
 
 def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
-    """Channels of a dense grid over [-1, 1]^3, with values at the middle of cells as in a texture."""
+    """Channels of a dense grid over [-1, 1]^3, with values at the middle of cells as in a texture.
+
+    On CUDA the gradient of `grid` is summed in no fixed order, and differs from run to run in its last digits.
+    """
     volume, places = grid.permute(3, 0, 1, 2)[None], positions[None, :, None, None]
     with torch.autocast(grid.device.type, enabled=False):
         found = functional.grid_sample(volume, places, padding_mode="border", align_corners=False)

@@ -205,6 +205,14 @@ def test_the_progress_line_gets_what_it_needs():
     assert (seen[-1]["step"], seen[-1]["steps"], seen[-1]["eta"]) == (10, 10, 0)
 
 
+@pytest.mark.parametrize(("activation", "half"), [("sine", False), ("hard_gelu", True)])
+def test_sines_are_spared_bfloat16_unless_it_is_asked_for(activation, half, monkeypatch):
+    monkeypatch.setattr("prtnet.models.run.fast_bfloat16", lambda device: True)
+    options = replace(SHORT, activation=activation, precision="auto")
+    assert Run(points(), MODEL, options, 5).bfloat16 == half
+    assert Run(points(), MODEL, replace(options, precision="bfloat16"), 5).bfloat16
+
+
 def test_bfloat16_learns_as_well_as_float32():
     test = points(500, seed=9)
     half, full = (

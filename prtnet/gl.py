@@ -141,6 +141,15 @@ def upload(image: Float[np.ndarray, "h w c"], *, half: bool = False) -> moderngl
     return made
 
 
+def upload_volume(volume: Float[np.ndarray, "d h w 4"]) -> moderngl.Texture3D:
+    """An unfiltered RGBA 3D texture; texel (x, y, z) is volume[z, y, x], float32 or float16."""
+    depth, height, width, _ = volume.shape
+    kind = TEXELS[volume.dtype.name]
+    made = context().texture3d((width, height, depth), 4, np.ascontiguousarray(volume), dtype=kind)
+    made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return made
+
+
 def upload_layers(levels: Sequence[Num[np.ndarray, "_ _ k"]]) -> moderngl.TextureArray:
     """An array of ceil(k/4) RGBA layers, the last one padded with 0, clamped at the border; texels as the images have
     them: float32, float16, or uint8, which reads as 0 to 1. One level is bilinear, a chain of halved sides trilinear.

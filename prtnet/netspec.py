@@ -2,7 +2,7 @@
 
 A net maps a surface point and its normal to the SH coefficients of its transfer:
 
-    x = (gamma(p), gamma(n))            p in [-1, 1]^3, the centred position; see `encode`
+    x = (gamma(p), gamma(n), g(p))      p in [-1, 1]^3, the centred position; see `encode`, and `trilinear` for grids
     h = activation(W_i h + b_i)         for each hidden layer, from h = x
     t = output_scale * output(W h + b)  + cosine_lobe(n) where `residual`
 
@@ -29,9 +29,11 @@ Array = np.ndarray
 
 FORMAT = 1
 METADATA_KEY = "prtnet_net"
-ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu")
+ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine")
+ENCODINGS = ("identity", "frequency", "triangle")
 OUTPUTS = ("tanh", "linear")
 _CHUNK = 1 << 15
+_LATER = ("encoding", "grids")  # fields that files leave out at their default, as files did before these fields
 
 
 @dataclass(frozen=True)
@@ -52,13 +54,17 @@ class NetSpec:
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # float64, in the file's units
     scale: float = 1.0
     name: str = "net"
+    encoding: str = "frequency"
+    grids: tuple[Float[Array, "_ _ _ _"], ...] = ()  # features (z, y, x, channels) over [-1, 1]^3, float32 or float16
 
     def __post_init__(self) -> None:
         _one_of("activation", self.activation, ACTIVATIONS)
         _one_of("output", self.output, OUTPUTS)
+        _one_of("encoding", self.encoding, ENCODINGS)
         if not (self.scale > 0 and np.isfinite([self.scale, *self.centre]).all()):
             raise PrtnetError(f"net: found centre {self.centre} and scale {self.scale}, expected finite, scale above 0")
-        inputs = encoded_size(self.position_frequencies, self.normal_frequencies)
+        inputs = encoded_size(self.position_frequencies, self.normal_frequencies, self.encoding)
+        inputs += sum(_grid_channels(grid) for grid in self.grids)
         found = [weight.shape for weight in self.weights]
         for weight, bias in zip(self.weights, self.biases, strict=True):
             if weight.shape != (len(bias), inputs):
@@ -78,25 +84,54 @@ def _one_of(field: str, found: str | int, expected: tuple[str, ...] | tuple[int,
         raise PrtnetError(f"net {field}: found {found!r}, expected one of {', '.join(map(str, expected))}")
 
 
-def encoded_size(position_frequencies: int, normal_frequencies: int) -> int:
+def _grid_channels(grid: Array) -> int:
+    if grid.ndim != 4 or not grid.size or grid.shape[3] % 4 or grid.dtype not in (np.float16, np.float32):
+        found = f"{grid.shape} in {grid.dtype}"
+        raise PrtnetError(f"net grid: found {found}, expected (z, y, x, channels) in float16 or float32, 4 n channels")
+    if not np.isfinite(grid).all():
+        raise PrtnetError("net grid: found NaN or infinity, expected finite numbers; train it again")
+    return grid.shape[3]
+
+
+def encoded_size(position_frequencies: int, normal_frequencies: int, encoding: str = "frequency") -> int:
     """Numbers that enter the first layer."""
     if position_frequencies < 0 or normal_frequencies < 0:
         raise PrtnetError(f"net frequencies: found {position_frequencies}, {normal_frequencies}, expected 0 or more")
-    return 6 + 6 * (position_frequencies + normal_frequencies)
+    return 6 + 6 * (position_frequencies + normal_frequencies) * (encoding != "identity")
 
 
-def encode(x: Float[Array, "n 3"], frequencies: int) -> Float[Array, "n e"]:
-    """gamma(x) = (x, sin 2 pi f_0, cos 2 pi f_0, sin 2 pi f_1, ...) with f_j = fract(2^j x / 2), in float64.
+def encode(x: Float[Array, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Array, "n e"]:
+    """gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...) with f_j = fract(2^j x / 2), in float64.
 
-    In turns the argument of the sine is exact for a float32 x, however high the frequency.
+    `frequency`: s and c are sin 2 pi f and cos 2 pi f. `triangle`: the triangle waves with their zeros, peaks and
+    troughs. `identity`: x alone. In turns the argument of a wave is exact for a float32 x, however high the frequency.
     """
     exact = np.asarray(x, np.float64)
     parts = [exact]
-    for j in range(frequencies):
+    for j in range(frequencies if encoding != "identity" else 0):
         turns = exact * 2.0 ** (j - 1)
-        angle = 2 * math.pi * (turns - np.floor(turns))
-        parts += [np.sin(angle), np.cos(angle)]
+        turns -= np.floor(turns)
+        if encoding == "triangle":
+            parts += [4 * np.abs(np.abs(turns - 0.25) - 0.5) - 1, 4 * np.abs(turns - 0.5) - 1]
+        else:
+            parts += [np.sin(2 * math.pi * turns), np.cos(2 * math.pi * turns)]
     return np.concatenate(parts, axis=1)
+
+
+def trilinear(grid: Float[Array, "z y x c"], positions: Float[Array, "n 3"]) -> Float[Array, "n c"]:
+    """Channels of a grid at positions in [-1, 1]^3, in float64. Values stand at the middle of cells, as in a texture;
+    beyond the outermost ones they stay as they are.
+    """
+    sizes = np.array(grid.shape[2::-1])
+    place = np.clip((np.asarray(positions, np.float64) + 1) / 2 * sizes - 0.5, 0, sizes - 1)
+    low = place.astype(int)
+    high, share = np.minimum(low + 1, sizes - 1), place - low
+    total = np.zeros((len(positions), grid.shape[3]))
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = np.where(corner, high, low).T
+        weight = np.where(corner, share, 1 - share).prod(axis=1)
+        total += weight[:, None] * grid[z, y, x].astype(np.float64)
+    return total
 
 
 def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Array]:
@@ -107,6 +142,10 @@ def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Arr
     """
     if name == "leaky_relu":
         return lambda x: np.maximum(x, negative_slope * x)
+    if name == "relu":
+        return lambda x: np.maximum(x, 0)
+    if name == "sine":
+        return np.sin
     if name == "hard_gelu":
         return lambda x: x * np.clip(0.5 + 0.5 * x, 0, 1)
     if name == "silu":
@@ -141,7 +180,12 @@ def _rounded(x: Array) -> Array:
 
 
 def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
-    h = np.concatenate([encode(positions, net.position_frequencies), encode(normals, net.normal_frequencies)], 1)
+    position = encode(positions, net.position_frequencies, net.encoding)
+    normal, features = (
+        encode(normals, net.normal_frequencies, net.encoding),
+        [trilinear(g, positions) for g in net.grids],
+    )
+    h = np.concatenate([position, normal, *features], 1)
     bend = activation(net.activation, net.negative_slope)
     last = len(net.weights) - 1
     for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
@@ -155,24 +199,31 @@ def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
 
 
 def macs(net: NetSpec) -> int:
-    """Multiply-adds of the layers for one point: the encoding, activations and the analytic lobe are not counted."""
-    return sum(weight.size for weight in net.weights)
+    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid.
+
+    The encoding, activations and the analytic lobe are not counted.
+    """
+    return sum(weight.size for weight in net.weights) + 8 * sum(grid.shape[3] for grid in net.grids)
 
 
 def byte_count(net: NetSpec) -> int:
-    """Bytes of the weights and biases, as stored."""
-    return sum(array.nbytes for array in (*net.weights, *net.biases))
+    """Bytes of the weights, biases and grids, as stored."""
+    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids))
 
 
 def save(net: NetSpec, path: Path | str) -> None:
     """Writes the net, atomically; the same net gives the same bytes. Inverse of `load`."""
-    descriptor = {field.name: getattr(net, field.name) for field in fields(net)}
+    values = {field.name: (getattr(net, field.name), field.default) for field in fields(net)}
+    descriptor = {name: value for name, (value, default) in values.items() if name not in _LATER or value != default}
     descriptor["centre"] = list(net.centre)
     del descriptor["weights"], descriptor["biases"]
     tensors = {}
     for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
         tensors[f"layer.{i}.weight"] = np.ascontiguousarray(weight, np.float32)
         tensors[f"layer.{i}.bias"] = np.ascontiguousarray(bias, np.float32)
+    tensors |= {f"grid.{i}": np.ascontiguousarray(grid) for i, grid in enumerate(net.grids)}
+    if net.grids:
+        descriptor["grids"] = len(net.grids)
     text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
     with store.atomic(Path(path)) as temporary:
         temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
@@ -186,7 +237,8 @@ def load(path: Path | str) -> NetSpec:
             layers = range(descriptor.pop("layers"))
             weights = tuple(file.get_tensor(f"layer.{i}.weight") for i in layers)
             biases = tuple(file.get_tensor(f"layer.{i}.bias") for i in layers)
-        return NetSpec(weights=weights, biases=biases, **descriptor)
+            grids = tuple(file.get_tensor(f"grid.{i}") for i in range(descriptor.pop("grids", 0)))
+        return NetSpec(weights=weights, biases=biases, grids=grids, **descriptor)
     except FileNotFoundError:
         raise PrtnetError(f"{path}: no such file, expected a trained net; train and export one first") from None
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, PrtnetError) as error:

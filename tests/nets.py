@@ -16,12 +16,16 @@ def random_net(
     normal_frequencies: int = 2,
     bands: int = 5,
     groups: int = 1,
+    encoding: str = "frequency",
+    grids: tuple[np.ndarray, ...] = (),
     seed: int = 0,
     **fields: object,
 ) -> NetSpec:
     """He-scaled weights: values keep their size through the layers, as in a trained net."""
     rng = np.random.default_rng(seed)
-    inputs = netspec.encoded_size(position_frequencies, normal_frequencies)
+    inputs = netspec.encoded_size(position_frequencies, normal_frequencies, encoding) + sum(
+        grid.shape[3] for grid in grids
+    )
     sizes = [inputs, *[width] * depth, groups * sh.count(bands)]
     weights = tuple(
         (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
@@ -35,8 +39,15 @@ def random_net(
         normal_frequencies=normal_frequencies,
         bands=bands,
         groups=groups,
+        encoding=encoding,
+        grids=grids,
         **fields,  # pyright: ignore[reportArgumentType]
     )
+
+
+def random_grid(x: int, y: int, z: int, channels: int = 8, kind: str = "float16", seed: int = 0) -> np.ndarray:
+    """A grid of features of a NetSpec."""
+    return np.random.default_rng(seed).normal(size=(z, y, x, channels)).astype(kind)
 
 
 def random_points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

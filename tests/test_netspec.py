@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from safetensors.numpy import save_file
+from scipy.interpolate import RegularGridInterpolator
 
 from prtnet import PrtnetError, netspec, sh
-from tests.nets import random_net, random_points
+from tests.nets import random_grid, random_net, random_points
 
 coordinates = st.floats(-1, 1, width=32)
 
@@ -22,6 +23,79 @@ def test_encoding_is_the_sine_of_the_exact_argument(x, frequencies):
         angle = 2 * np.pi * ((2.0**j * x / 2) % 1.0)
         expected += [np.sin(angle), np.cos(angle)]
     np.testing.assert_allclose(encoded, expected, rtol=0, atol=1e-15)
+
+
+@given(coordinates, st.integers(1, 12))
+def test_triangle_waves_are_arcsines_of_the_sines(x, frequencies):
+    point = np.full((1, 3), x, np.float32)
+    waves = netspec.encode(point, frequencies, "triangle")
+    expected = 2 / np.pi * np.arcsin(netspec.encode(point, frequencies)[:, 3:])
+    np.testing.assert_array_equal(waves[:, :3], point)
+    # the slope of the arcsine is infinite where a sine is 1
+    np.testing.assert_allclose(waves[:, 3:], expected, rtol=0, atol=1e-7)
+
+
+def test_identity_leaves_the_point_as_it_is():
+    positions, _ = random_points(5)
+    np.testing.assert_array_equal(netspec.encode(positions, 7, "identity"), positions)
+    assert netspec.encoded_size(7, 3, "identity") == 6
+
+
+def test_grids_are_interpolated_between_the_middles_of_cells():
+    grid = random_grid(5, 4, 3, kind="float32")
+    middles = [(np.arange(side) + 0.5) / side * 2 - 1 for side in grid.shape[:3]]
+    oracle = RegularGridInterpolator(middles, grid.astype(float))
+    positions, _ = random_points(500)
+    # scipy refuses what lies outside of the outermost middles: there the value stays as it is
+    inside = [np.clip(positions[:, 2 - axis], where[0], where[-1]) for axis, where in enumerate(middles)]
+    np.testing.assert_allclose(netspec.trilinear(grid, positions), oracle(np.stack(inside, 1)), rtol=0, atol=1e-12)
+    corner = netspec.trilinear(grid, np.array([[1.0, -1.0, 1.0]]))
+    np.testing.assert_array_equal(corner[0], grid[-1, 0, -1])
+
+
+def test_features_follow_the_encoded_normal():
+    grids = (random_grid(2, 3, 4), random_grid(3, 1, 1, channels=4, seed=1))
+    net = random_net(depth=0, output="linear", bands=2, output_scale=1.0, grids=grids)
+    positions, normals = random_points(9)
+    parts = [netspec.encode(positions, 3), netspec.encode(normals, 2)]
+    inputs = np.concatenate([*parts, *[netspec.trilinear(grid, positions) for grid in grids]], 1)
+    expected = inputs @ net.weights[0].T.astype(float) + net.biases[0]
+    np.testing.assert_allclose(netspec.evaluate_unit(net, positions, normals), expected, atol=2e-6)
+
+
+def test_fetches_and_bytes_of_grids_are_counted():
+    grids = (random_grid(2, 3, 4), random_grid(5, 1, 1, channels=4, kind="float32"))
+    net, inputs = random_net(width=8, depth=1, bands=2, grids=grids), 6 + 6 * 5 + 12
+    assert netspec.macs(net) == inputs * 8 + 8 * 4 + 8 * (8 + 4)
+    assert netspec.byte_count(net) == 4 * (inputs * 8 + 8 + 8 * 4 + 4) + 2 * 24 * 8 + 4 * 5 * 4
+
+
+def test_grids_come_back_from_the_file_in_their_type(tmp_path):
+    net = random_net(grids=(random_grid(2, 3, 4), random_grid(5, 1, 1, channels=4, kind="float32")))
+    netspec.save(net, tmp_path / "a")
+    again = netspec.load(tmp_path / "a")
+    for found, expected in zip(again.grids, net.grids, strict=True):
+        assert found.dtype == expected.dtype
+        np.testing.assert_array_equal(found, expected)
+    netspec.save(again, tmp_path / "b")
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    cut = (tmp_path / "a").read_bytes().replace(b'\\"grids\\": 2', b'\\"grids\\": 3')
+    (tmp_path / "c").write_bytes(cut)
+    with pytest.raises(PrtnetError, match=r"c: .*grid\.2"):
+        netspec.load(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (random_grid(2, 2, 2, channels=6), r"grid: found \(2, 2, 2, 6\) in float16, expected .* 4 n channels"),
+        (random_grid(2, 2, 2, kind="float64"), "in float64"),
+        (random_grid(2, 2, 2) * np.float16("inf"), "grid: found NaN or infinity"),
+    ],
+)
+def test_grids_that_mean_nothing_are_refused(grid, message):
+    with pytest.raises(PrtnetError, match=message):
+        replace(random_net(), grids=(grid,))
 
 
 @given(st.integers(-1024, 1024), st.integers(1, 10))
@@ -45,6 +119,8 @@ def test_evaluate_is_the_written_formula():
 def test_activations_at_known_places():
     x = np.array([-200.0, -1.0, 0.0, 1.0, 200.0])
     np.testing.assert_allclose(netspec.activation("leaky_relu", 0.01)(x), [-2, -0.01, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("relu")(x), [0, 0, 0, 1, 200])
+    np.testing.assert_allclose(netspec.activation("sine")(x * np.pi / 4), [0, -(0.5**0.5), 0, 0.5**0.5, 0], atol=1e-13)
     np.testing.assert_allclose(netspec.activation("hard_gelu")(x / 2), [0, -0.125, 0, 0.375, 100])
     np.testing.assert_allclose(netspec.activation("silu")(x), [0, -0.268941421, 0, 0.731058579, 200], atol=1e-9)
     # the published values of the exact GELU are -0.158655 and 0.841345; the tanh form is within 2e-4 of them
@@ -107,6 +183,13 @@ def test_round_trip_of_fields_and_bytes(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.safetensors", "b.safetensors"]
 
 
+@pytest.mark.parametrize(("fields", "written"), [({}, False), ({"encoding": "triangle"}, True)])
+def test_fields_that_came_later_are_written_where_they_are_used(fields, written, tmp_path):
+    netspec.save(random_net(**fields), tmp_path / "net")
+    assert (b"encoding" in (tmp_path / "net").read_bytes()) == written
+    assert netspec.load(tmp_path / "net").encoding == fields.get("encoding", "frequency")
+
+
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
 def test_a_truncated_file_is_named(tmp_path, share):
     path = tmp_path / "cut.safetensors"
@@ -137,7 +220,9 @@ def test_other_files_are_refused_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"activation": "sine"}, "activation: found 'sine'"),
+        ({"activation": "cosine"}, "activation: found 'cosine'"),
+        ({"encoding": "hash"}, "encoding: found 'hash', expected one of identity, frequency, triangle"),
+        ({"encoding": "identity"}, "layers: found .* 6 inputs"),
         ({"output": "softmax"}, "output: found 'softmax'"),
         ({"bands": 4}, "outputs: found 25, expected 16"),
         ({"position_frequencies": 4}, "layers"),

@@ -1,11 +1,11 @@
-"""A net as one GLSL function with its weights as literals. No arrays, no loops, no uniforms, nothing to bind.
+"""A net as one GLSL function with its weights as literals. No arrays, no loops; without grids nothing to bind.
 
     void prt_transfer(vec3 position, vec3 normal, out vec4 t0, out vec4 t1, ...)
 
 `position` is the centred position in [-1, 1]^3, `normal` the unit world normal, and `t0.x, t0.y, ...` the SH
 coefficients of the transfer, the last vector padded with 0. Each layer is h = b + mat4(...) * x0 + mat4(...) * x1 + ...
 over vec4s. Sine and cosine are polynomials of the reduced argument in turns, since those of some drivers
-are off by 1e-3 at high frequencies.
+are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ... (`prtnet.export.grid`).
 """
 
 import math
@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Int
 
 from prtnet import PrtnetError, netspec, sh
+from prtnet.export import grid
 from prtnet.export.spelling import grouped, number, quads, vector, zonal_harmonics
 from prtnet.netspec import NetSpec
 
@@ -27,6 +28,7 @@ MAX_LITERAL_MACS = 60_000
 
 # sin(2 pi t) = t P(t^2) on a quarter turn, minimax in absolute error: 3.3e-9
 _SINE = (6.28318516, -41.34165503, 81.60100406, -76.54978194, 39.53670321)
+_TURN = 6.28125  # 2 pi but for 1.9e-3
 
 
 def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str:
@@ -38,7 +40,7 @@ def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str
     lines = [_header(net)]
     if version.endswith("es"):
         lines += ["precision highp float;", "precision highp int;"]
-    lines += _helpers(net)
+    lines += grid.declarations(net) + _helpers(net)
     lines += [f"void prt_transfer(vec3 position, vec3 normal, {_outputs(net)}) {{"]
     lines += [f"  {line}" for line in _body(net)]
     return "\n".join(lines) + "\n}\n"
@@ -136,21 +138,34 @@ def _outputs(net: NetSpec) -> str:
 
 def _helpers(net: NetSpec) -> list[str]:
     lines = []
-    if net.position_frequencies or net.normal_frequencies:
-        polynomial = number(_SINE[-1])
-        for coefficient in reversed(_SINE[:-1]):
-            polynomial = f"{number(coefficient)} + u * ({polynomial})"
-        lines += [f"vec3 prt_quarter(vec3 t) {{ vec3 u = t * t; return t * ({polynomial}); }}"]
+    if net.encoding != "identity" and (net.position_frequencies or net.normal_frequencies):
+        lines += _sine("vec3") if net.encoding == "frequency" else ["vec3 prt_quarter(vec3 t) { return 4.0 * t; }"]
         lines += ["vec3 prt_sin(vec3 f) { return prt_quarter(sign(f) * (0.25 - abs(0.25 - abs(f)))); }"]
         lines += ["vec3 prt_cos(vec3 f) { return prt_quarter(0.25 - abs(f)); }"]
     if len(net.weights) > 1:
+        lines += _sine("vec4") if net.activation == "sine" else []
         lines += [f"vec4 prt_bend(vec4 x) {{ {_activation(net)} }}"]
     return lines
+
+
+def _sine(kind: str) -> list[str]:
+    """sin(2 pi t) for t in a quarter turn about 0."""
+    polynomial = number(_SINE[-1])
+    for coefficient in reversed(_SINE[:-1]):
+        polynomial = f"{number(coefficient)} + u * ({polynomial})"
+    return [f"{kind} prt_quarter({kind} t) {{ {kind} u = t * t; return t * ({polynomial}); }}"]
 
 
 def _activation(net: NetSpec) -> str:
     if net.activation == "leaky_relu":
         return f"return max(x, {number(net.negative_slope)} * x);"
+    if net.activation == "relu":
+        return "return max(x, 0.0);"
+    if net.activation == "sine":
+        # whole turns go in two parts, the first of 8 bits, whose multiples float32 holds exactly
+        turns = f"vec4 n = floor({number(0.5 / math.pi)} * x + 0.5);"
+        rest = f"vec4 t = {number(0.5 / math.pi)} * ((x - {number(_TURN)} * n) - {number(2 * math.pi - _TURN)} * n);"
+        return f"{turns} {rest} return prt_quarter(sign(t) * (0.25 - abs(0.25 - abs(t))));"
     if net.activation == "hard_gelu":
         return "return x * clamp(0.5 * x + 0.5, 0.0, 1.0);"
     argument = "x"
@@ -164,7 +179,8 @@ def _activation(net: NetSpec) -> str:
 def _body(net: NetSpec) -> Iterator[str]:
     names: list[str] = []
     for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
-        yield from _encoding(letter, frequencies, names)
+        yield from _encoding(letter, frequencies if net.encoding != "identity" else 0, names)
+    yield from grid.statements(net, names)
     for i, group in enumerate(grouped(names)):
         yield f"vec4 x0_{i} = {group};"
     for layer in range(len(net.weights)):

@@ -1,7 +1,12 @@
-"""Frequency encoding of positions and normals, the torch twin of `prtnet.netspec.encode`.
+"""Encodings of positions and normals, the torch twins of `prtnet.netspec.encode` and `trilinear`.
 
-gamma(x) = (x, sin 2 pi f_0, cos 2 pi f_0, sin 2 pi f_1, ...), f_j = fract(2^j x / 2), after Mildenhall et al. 2020
-(NeRF), eq. 4, with the argument in turns so that float32 stays exact at any frequency.
+gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...), f_j = fract(2^j x / 2): waves over octaves, with the argument in turns so
+that float32 stays exact at any frequency.
+
+frequency  s = sin 2 pi f, c = cos 2 pi f: Mildenhall et al. 2020 (NeRF), eq. 4.
+triangle   the triangle waves with their zeros, peaks and troughs, no more than absolute values: after Müller et al.
+           2021, *Real-time Neural Radiance Caching for Path Tracing*, section 4, which has one wave an octave.
+identity   x alone.
 """
 
 import math
@@ -9,12 +14,30 @@ import math
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn import functional
 
 
-def encode(x: Float[Tensor, "n 3"], frequencies: int) -> Float[Tensor, "n e"]:
-    """3 + 6 * frequencies numbers a point, ordered as in the net file."""
+def encode(x: Float[Tensor, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Tensor, "n e"]:
+    """3 numbers a point, and 6 for each frequency but with `identity`, ordered as in the net file."""
+    if encoding == "identity":
+        return x
     octaves = torch.exp2(torch.arange(frequencies, dtype=x.dtype, device=x.device) - 1).repeat_interleave(6)
     # a cosine is a sine a quarter turn on: one call for both, after the whole turns are gone
     quarter = torch.tensor([0.0, 0.0, 0.0, 0.25, 0.25, 0.25], dtype=x.dtype, device=x.device).repeat(frequencies)
     turns = x.repeat(1, 2 * frequencies) * octaves
-    return torch.cat([x, torch.sin((turns - turns.round() + quarter) * (2 * math.pi))], dim=1)
+    turns = turns - turns.round()
+    if encoding == "triangle":
+        from_peak = turns + (quarter - 0.25)
+        return torch.cat([x, 1 - 4 * (from_peak - from_peak.round()).abs()], dim=1)
+    return torch.cat([x, torch.sin((turns + quarter) * (2 * math.pi))], dim=1)
+
+
+def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
+    """Channels of a dense grid over [-1, 1]^3, with values at the middle of cells as in a texture.
+
+    On CUDA the gradient of `grid` is summed in no fixed order, and differs from run to run in its last digits.
+    """
+    volume, places = grid.permute(3, 0, 1, 2)[None], positions[None, :, None, None]
+    with torch.autocast(grid.device.type, enabled=False):
+        found = functional.grid_sample(volume, places, padding_mode="border", align_corners=False)
+    return found[0, :, :, 0, 0].T

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from prtnet import sh
-from prtnet.models.encoding import encode
+from prtnet.models.encoding import encode, trilinear
 from prtnet.models.recipe import ModelOptions, TrainOptions
 from prtnet.netspec import NetSpec, encoded_size
 
@@ -28,15 +28,26 @@ class Mlp(nn.Module):
     ) -> None:
         super().__init__()
         self.head, self.bands, self.groups = head, bands, groups
-        inputs = encoded_size(head.position_frequencies, head.normal_frequencies)
+        inputs = encoded_size(head.position_frequencies, head.normal_frequencies, head.encoding)
+        inputs += head.grid_channels * len(head.grid_cells)
         sizes = [inputs, *[model.width] * model.depth, groups * sh.count(bands)]
         pairs = list(zip(sizes[1:], sizes, strict=False))
-        self.weights = nn.ParameterList(_uniform((rows, columns), columns, generator) for rows, columns in pairs)
+        bounds = _sine_bounds(sizes, head.sine_omega) if head.activation == "sine" else [None] * len(pairs)
+        self.weights = nn.ParameterList(
+            _uniform((rows, columns), columns, generator, bound)
+            for (rows, columns), bound in zip(pairs, bounds, strict=True)
+        )
         self.biases = nn.ParameterList(_uniform((rows,), columns, generator) for rows, columns in pairs)
+        # all but 0 at first, as in Müller et al. 2022, *Instant Neural Graphics Primitives*
+        self.grids = nn.ParameterList(
+            _uniform((z, y, x, head.grid_channels), 1, generator, 1e-4) for x, y, z in head.grid_cells
+        )
 
     def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
         head = self.head
-        h = torch.cat([encode(positions, head.position_frequencies), encode(normals, head.normal_frequencies)], 1)
+        position = encode(positions, head.position_frequencies, head.encoding)
+        normal = encode(normals, head.normal_frequencies, head.encoding)
+        h = torch.cat([position, normal, *[trilinear(grid, positions) for grid in self.grids]], 1)
         weights, biases = self._carried()
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
             h = self._bend(functional.linear(h, weight, bias))
@@ -62,6 +73,10 @@ class Mlp(nn.Module):
             return functional.hardswish(x)
         if self.head.activation == "silu":
             return functional.silu(x)
+        if self.head.activation == "relu":
+            return functional.relu(x)
+        if self.head.activation == "sine":
+            return torch.sin(self.head.sine_omega * x)
         return functional.gelu(x, approximate="tanh")
 
     def unlearned(self, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
@@ -82,13 +97,18 @@ class Mlp(nn.Module):
     ) -> NetSpec:
         """The net to hand over; `centre` and `scale` take file coordinates to the unit positions it was trained on.
 
-        `parameters`, weights first, stand in for the module's own.
+        `parameters`, in the module's order, stand in for the module's own.
         """
+        head, hidden = self.head, len(self.weights) - 1
         arrays = [p.detach().cpu().float().numpy().copy() for p in parameters or self.parameters()]
-        head = self.head
+        layers, grids = arrays[: 2 * hidden + 2], arrays[2 * hidden + 2 :]
+        if head.activation == "sine":
+            # sin(omega (W h + b)) is sin(W h + b) of larger weights: the file needs no omega
+            for index in (*range(hidden), *range(hidden + 1, 2 * hidden + 1)):
+                layers[index] *= np.float32(head.sine_omega)
         return NetSpec(
-            weights=tuple(arrays[: len(self.weights)]),
-            biases=tuple(arrays[len(self.weights) :]),
+            weights=tuple(layers[: hidden + 1]),
+            biases=tuple(layers[hidden + 1 :]),
             position_frequencies=head.position_frequencies,
             normal_frequencies=head.normal_frequencies,
             activation=head.activation,
@@ -101,10 +121,19 @@ class Mlp(nn.Module):
             centre=centre,
             scale=scale,
             name=name,
+            encoding=head.encoding,
+            grids=tuple(grid.astype(head.grid_format) for grid in grids),
         )
 
 
-def _uniform(shape: tuple[int, ...], fan_in: int, generator: torch.Generator) -> nn.Parameter:
-    """torch.nn.Linear's own initial values, drawn from a passed generator."""
-    bound = 1 / math.sqrt(fan_in)
+def _sine_bounds(sizes: list[int], omega: float) -> list[float]:
+    """Of the initial weights: sines keep their spread through layers (Sitzmann et al. 2020, SIREN, section 3.2)."""
+    return [1 / sizes[0], *[math.sqrt(6 / columns) / omega for columns in sizes[1:-1]]]
+
+
+def _uniform(
+    shape: tuple[int, ...], fan_in: int, generator: torch.Generator, bound: float | None = None
+) -> nn.Parameter:
+    """Uniform in [-bound, bound], from a passed generator; without a bound torch.nn.Linear's own initial values."""
+    bound = 1 / math.sqrt(fan_in) if bound is None else bound
     return nn.Parameter((torch.rand(shape, generator=generator) * 2 - 1) * bound)

@@ -1,6 +1,7 @@
 """Training recipes: everything of a net and its training but the net's size."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from prtnet import PrtnetError
 
@@ -19,15 +20,24 @@ class TrainOptions:
 
     recipe: str = "default"  # its name, for tables
     # the net around its layers
-    activation: str = "hard_gelu"  # leaky_relu | gelu | silu | hard_gelu
+    activation: str = "hard_gelu"  # leaky_relu | gelu | silu | hard_gelu | relu | sine
     negative_slope: float = 0.01  # of leaky_relu
+    # of sine: hidden layers are sin(sine_omega (W h + b)); SIREN has 30, and wants rates as many times lower
+    sine_omega: float = 1.0
     output: str = "linear"  # tanh | linear
     residual: bool = False  # the layers learn what occlusion changes of the transfer of an unoccluded point
+    encoding: str = "frequency"  # of position and normal: frequency | triangle (waves for sines) | identity (none)
     position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
     normal_frequencies: int = 2
+    # dense grids of features over [-1, 1]^3 beside the encoding, one for each [x, y, z] number of cells
+    grid_cells: list[list[int]] = field(default_factory=list)
+    grid_channels: int = 8  # of each grid, a multiple of 4
+    grid_format: str = "float16"  # of its values in the net: float16 | float32
     # what is minimised
-    loss: str = "huber"  # l1 | l2 | huber
-    huber_delta: float = 0.02  # of huber, in units of t / pi
+    loss: str = "huber"  # of coefficients: l1 | l2 | huber; or projection (on the sphere) | radiance (under lights)
+    huber_delta: float = 0.02  # of huber, in units of t / pi; of radiance, where an open surface shows about 1
+    loss_norm: str = "huber"  # of projection and radiance: l1 | l2 | huber
+    loss_samples: int = 64  # of projection and radiance: directions or lights, drawn for each step
     band_falloff: float = 0.0  # band l weighs (1 + l)^-band_falloff
     dark_weight: float = 0.0  # a point weighs (its open share)^-dark_weight, about as the display curve shows errors
     # how
@@ -39,7 +49,7 @@ class TrainOptions:
     beta2: float = 0.999  # of adam
     batch: int = 2048
     average: float = 0.0  # decay of the running mean of the weights that is exported; 0: the last weights
-    precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it
+    precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it, but for sine
     device: str = "auto"  # cpu | cuda | auto: cuda where torch sees one
     seed: int = 0
     # how long
@@ -74,26 +84,58 @@ def published() -> TrainOptions:
     )
 
 
+# options that came later: recipes that leave them at their defaults keep the keys of their nets
+_LATER = ("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format")
+
+MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
+
+
+def settings(options: TrainOptions) -> dict[str, Any]:
+    """The options by name, for keys."""
+    defaults = asdict(TrainOptions())
+    values = asdict(options)
+    return {name: value for name, value in values.items() if name not in _LATER or value != defaults[name]}
+
+
 def check(options: TrainOptions) -> None:
     """Raises PrtnetError where a field holds a word or number that means nothing."""
     words = {
-        "activation": ("leaky_relu", "gelu", "silu", "hard_gelu"),
+        "activation": ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine"),
+        "encoding": ("frequency", "triangle", "identity"),
         "output": ("tanh", "linear"),
-        "loss": ("l1", "l2", "huber"),
+        "grid_format": ("float16", "float32"),
+        "loss": ("l1", "l2", "huber", "projection", "radiance"),
+        "loss_norm": ("l1", "l2", "huber"),
         "optimiser": ("adam", "muon", "soap"),
         "schedule": ("constant", "cosine", "one_cycle"),
         "precision": ("auto", "float32", "bfloat16"),
         "device": ("auto", "cpu", "cuda"),
     }
-    for field, allowed in words.items():
-        found = getattr(options, field)
+    for name, allowed in words.items():
+        found = getattr(options, name)
         if found not in allowed:
-            raise PrtnetError(f"train.{field}: found {found!r}, expected one of {', '.join(allowed)}")
-    for field in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds"):
-        if not getattr(options, field) > 0:
-            raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected more than 0")
-    for field in ("warmup", "average", "beta2"):
-        if not 0 <= getattr(options, field) < 1:
-            raise PrtnetError(f"train.{field}: found {getattr(options, field)}, expected 0 or more, and less than 1")
+            raise PrtnetError(f"train.{name}: found {found!r}, expected one of {', '.join(allowed)}")
+    _check_grids(options)
+    for name in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega", "loss_samples"):
+        if not getattr(options, name) > 0:
+            raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected more than 0")
+    for name in ("warmup", "average", "beta2"):
+        if not 0 <= getattr(options, name) < 1:
+            raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected 0 or more, and less than 1")
     if options.steps is not None and options.steps < 1:
         raise PrtnetError(f"train.steps: found {options.steps}, expected 1 or more, or null")
+
+
+def _check_grids(options: TrainOptions) -> None:
+    channels, found = options.grid_channels, options.grid_cells
+    if channels < 4 or channels % 4:
+        raise PrtnetError(f"train.grid_channels: found {channels}, expected a multiple of 4: a texel has four")
+    if len(found) > MAX_GRIDS:
+        raise PrtnetError(f"train.grid_cells: found {len(found)} grids, expected at most {MAX_GRIDS}")
+    deepest = MAX_SLICES * 4 // channels
+    for cells in found:
+        if len(cells) != 3 or min(cells) < 1 or max(cells[:2]) > MAX_SLICES or cells[2] > deepest:
+            raise PrtnetError(
+                f"train.grid_cells: found {list(cells)}, expected [x, y, z], each at least 1, x and y at most"
+                f" {MAX_SLICES} and z at most {deepest}: no more fits into a 3D texture at {channels} channels"
+            )

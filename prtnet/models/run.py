@@ -3,7 +3,7 @@
 import hashlib
 import logging
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -11,9 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from prtnet import PrtnetError, sh, store
-from prtnet.models import checkpoint, loss, optimiser
+from prtnet.models import checkpoint, functional, loss, optimiser, recipe
 from prtnet.models.mlp import SCALE, Mlp, ModelOptions
-from prtnet.models.recipe import TrainOptions, check
+from prtnet.models.recipe import TrainOptions
 
 log = logging.getLogger(__name__)
 
@@ -34,11 +34,13 @@ class Run:
     """The state of a training run, and one step of it."""
 
     def __init__(self, points: Points, model: ModelOptions, options: TrainOptions, steps: int) -> None:
-        check(options)
+        recipe.check(options)
         _check_points(points, model, steps)
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
-        self.bfloat16 = options.precision == "bfloat16" or (options.precision == "auto" and fast_bfloat16(self.device))
+        # a sine's argument may be large, and bfloat16 has three digits
+        chosen = options.precision == "auto" and options.activation != "sine" and fast_bfloat16(self.device)
+        self.bfloat16 = options.precision == "bfloat16" or chosen
         bands = sh.bands_of(points.transfer.shape[1] // points.groups)
         generator = torch.Generator().manual_seed(options.seed)
         self.net = Mlp(model, options, bands, generator, points.groups).to(self.device)
@@ -47,6 +49,8 @@ class Run:
         weighted = options.band_falloff != 0
         weights = loss.band_weights(bands, options.band_falloff).repeat(points.groups).to(self.device)
         self.band_weights = weights if weighted else None
+        sampled = options.loss in functional.KINDS
+        self.functionals = functional.pool(options.loss, bands, options.seed).to(self.device) if sampled else None
         self.table = self._table(points)
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)
@@ -69,14 +73,7 @@ class Run:
         optimiser.set_rate(self.optimisers, optimiser.rate(self.options, self.step, self.steps))
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
             predicted = self.net(rows[:, :3], rows[:, 3:6])
-        value = loss.loss(
-            predicted,
-            rows[:, 7:],
-            kind=self.options.loss,
-            delta=self.options.huber_delta,
-            bands=self.band_weights,
-            points=rows[:, 6] if self.options.dark_weight else None,
-        )
+        value = self._loss(predicted, rows)
         value.backward()
         for each in self.optimisers:
             each.step()
@@ -87,6 +84,14 @@ class Run:
         self.history[self.step] = value.detach()
         self.step += 1
         self.cpu_seconds += self._clock() - started
+
+    def _loss(self, predicted: Tensor, rows: Tensor) -> Tensor:
+        options, target = self.options, rows[:, 7:]
+        weights = {"bands": self.band_weights, "points": rows[:, 6] if options.dark_weight else None}
+        if self.functionals is None:
+            return loss.loss(predicted, target, kind=options.loss, delta=options.huber_delta, **weights)
+        chosen = functional.draw(self.functionals, options.loss_samples, options.seed, self.step)
+        return functional.loss(predicted, target, chosen, kind=options.loss_norm, delta=options.huber_delta, **weights)
 
     def _decay(self) -> float:
         """Short at first, so that the first weights are soon forgotten."""
@@ -135,7 +140,8 @@ class Run:
         digest = hashlib.sha256()
         for array in (points.positions, points.normals, points.transfer):
             digest.update(np.ascontiguousarray(array).data)
-        settings = asdict(self.options) | {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
+        settings = recipe.settings(self.options)
+        settings |= {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
         for field in ("recipe", "precision", "cpu_seconds", "checkpoint_seconds"):
             del settings[field]
         layers = [list(weight.shape) for weight in self.net.weights]

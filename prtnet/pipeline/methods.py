@@ -119,4 +119,5 @@ def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Ra
         "bake_seconds": points.training.facts["seconds"],
         "train_seconds": trained.facts["cpu_seconds"],
     }
-    return Drawn(NetMethod(drawing, shader, material=job.material, groups=job.groups), lambda pixels: costs)
+    shaded = NetMethod(drawing, shader, material=job.material, groups=job.groups, grids=trained.net.grids)
+    return Drawn(shaded, lambda pixels: costs)

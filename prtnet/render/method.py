@@ -11,7 +11,7 @@ from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, gl, sh
 from prtnet.data.texture import Page, page_of
-from prtnet.export import gloss
+from prtnet.export import gloss, grid
 from prtnet.export.spelling import number, vector
 from prtnet.render import reflectance
 from prtnet.render.camera import Camera
@@ -20,6 +20,8 @@ from prtnet.render.raster import Group, Raster
 from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
+
+GRID_UNIT = 8  # texture units from here on are for the grids of a net
 
 
 class Shaded:
@@ -196,9 +198,21 @@ class TextureMethod(Shaded):
 
 
 class NetMethod(Shaded):
-    """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel."""
+    """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel.
 
-    def __init__(self, raster: Raster, function: str, *, material: Material = DIFFUSE, groups: int = 1):
+    `grids` are those of its net.
+    """
+
+    def __init__(
+        self,
+        raster: Raster,
+        function: str,
+        *,
+        material: Material = DIFFUSE,
+        groups: int = 1,
+        grids: Sequence[Float[Array, "_ _ _ _"]] = (),
+    ):
+        self._volumes = [gl.upload_volume(grid.texels(values)) for values in grids]
         signature = re.search(r"void\s+prt_transfer\s*\(([^)]*)\)", function)
         outputs = signature.group(1).count("out vec4") if signature else 0
         if not outputs:
@@ -209,6 +223,13 @@ class NetMethod(Shaded):
         transfer = f"prt_transfer(position, shading_normal(), {arguments})"
         most = 4 * outputs // groups
         super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
+
+    def render(self, camera: Camera, *, prepass: bool = True) -> None:
+        """Draw into the raster's frame without reading it back."""
+        for index, volume in enumerate(self._volumes):
+            volume.use(GRID_UNIT + index)
+            gl.put(self.program, **{grid.name(index): GRID_UNIT + index})
+        super().render(camera, prepass=prepass)
 
 
 def irradiance_text(groups: list[list[str]]) -> str:

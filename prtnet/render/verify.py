@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import gl, netspec, sh
-from prtnet.export import glsl
+from prtnet.export import glsl, grid
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -41,9 +41,11 @@ def run(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Floa
     """The coefficients that the function text `source` gives on the driver, one pixel a point."""
     side = math.isqrt(max(len(positions) - 1, 0)) + 1
     textures = {"positions": _image(positions, side), "normals": _image(normals, side)}
+    volumes = {grid.name(i): grid.texels(values) for i, values in enumerate(net.grids)}
     layers = []
     for first in range(0, glsl.vectors(net), _ATTACHMENTS):
-        layers += _draw(glsl.around(net, source, first=first), textures, min(_ATTACHMENTS, glsl.vectors(net) - first))
+        count = min(_ATTACHMENTS, glsl.vectors(net) - first)
+        layers += _draw(glsl.around(net, source, first=first), textures, volumes, count)
     flat = np.concatenate(layers, axis=2).reshape(side * side, net.groups, -1)
     return flat[: len(positions), :, : sh.count(net.bands)].reshape(len(positions), -1)
 
@@ -54,11 +56,14 @@ def _image(points: Float[Array, "n 3"], side: int) -> Float[Array, "s s 4"]:
     return image.reshape(side, side, 4)
 
 
-def _draw(fragment: str, textures: dict[str, Array], layers: int) -> list[Float[Array, "s s 4"]]:
+def _draw(
+    fragment: str, textures: dict[str, Array], volumes: dict[str, Array], layers: int
+) -> list[Float[Array, "s s 4"]]:
     program = gl.program(gl.shader("fullscreen.vert.glsl"), fragment)
     side = len(textures["positions"])
     target = gl.target(side, side, layers)
     uploaded = {name: gl.upload(image) for name, image in textures.items()}
+    uploaded |= {name: gl.upload_volume(volume) for name, volume in volumes.items()}
     for unit, (name, texture) in enumerate(uploaded.items()):
         texture.use(unit)
         gl.put(program, **{name: unit})

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from prtnet import PrtnetError
 from prtnet.export import glsl
-from tests.nets import random_net
+from tests.nets import random_grid, random_net
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
@@ -28,6 +28,10 @@ def test_literals_read_back_as_the_same_float32(value):
         {},
         {"activation": "gelu", "output": "linear", "residual": True},
         {"bands": 3, "groups": 4, "output": "linear", "residual": True},
+        {"activation": "sine", "encoding": "triangle"},
+        {"activation": "sine", "encoding": "frequency"},
+        {"activation": "relu", "encoding": "identity"},
+        {"grids": (random_grid(5, 4, 3), random_grid(2, 2, 2, channels=4))},
         {"activation": "silu", "output": "linear", "residual": True, "bands": 7},
         {"bands": 1, "residual": True, "position_frequencies": 0, "normal_frequencies": 0, "output_scale": 1.0},
     ],

@@ -1,18 +1,28 @@
 import numpy as np
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from prtnet import netspec
-from prtnet.models.encoding import encode
+from prtnet.models.encoding import encode, trilinear
+from tests.nets import random_grid, random_points
 
 
+@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
 @given(st.lists(st.floats(-1, 1, width=32), min_size=3, max_size=3), st.integers(0, 12))
-def test_torch_encodes_as_numpy_does(point, frequencies):
+def test_torch_encodes_as_numpy_does(encoding, point, frequencies):
     x = np.array([point], np.float32)
-    found = encode(torch.from_numpy(x), frequencies).numpy()
+    found = encode(torch.from_numpy(x), frequencies, encoding).numpy()
     assert found.dtype == np.float32
-    np.testing.assert_allclose(found, netspec.encode(x, frequencies), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found, netspec.encode(x, frequencies, encoding), rtol=0, atol=1e-6)
+
+
+def test_torch_reads_grids_as_numpy_does():
+    grid = random_grid(5, 3, 2, kind="float32")
+    positions = np.concatenate([random_points(500)[0], [[1, 1, 1], [-1, -1, -1], [0, 0, 0]]]).astype(np.float32)
+    found = trilinear(torch.from_numpy(grid), torch.from_numpy(positions)).numpy()
+    np.testing.assert_allclose(found, netspec.trilinear(grid, positions), rtol=0, atol=3e-6)
 
 
 def test_high_octaves_stay_exact_in_float32():

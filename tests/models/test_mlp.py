@@ -25,6 +25,59 @@ def test_torch_and_its_spec_agree(activation, output, residual):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
+def test_torch_and_its_spec_agree_on_the_encoding(encoding):
+    net = _net(TrainOptions(encoding=encoding, activation="relu"))
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    assert net.spec().encoding == encoding
+    np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "activation"), [("float16", "hard_gelu"), ("float32", "sine")])
+def test_torch_and_its_spec_agree_on_grids(kind, activation):
+    head = TrainOptions(grid_cells=[[2, 3, 4], [5, 1, 2]], grid_channels=4, grid_format=kind, activation=activation)
+    net = _net(head)
+    with torch.no_grad():
+        for grid in net.grids:
+            assert 0 < grid.abs().max() <= 1e-4
+            # quarters, which float16 has
+            grid.copy_((4 * torch.randn(grid.shape, generator=torch.Generator().manual_seed(0))).round() / 4)
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    spec = net.spec()
+    assert [grid.shape for grid in spec.grids] == [(4, 3, 2, 4), (2, 1, 5, 4)]
+    assert {str(grid.dtype) for grid in spec.grids} == {kind}
+    np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("omega", [1.0, 30.0])
+def test_sine_layers_begin_with_the_spread_of_siren(omega):
+    """Sitzmann et al. 2020, theorem 1.8: what enters each sine is about normal, of twice the mean square before it."""
+    head = TrainOptions(activation="sine", sine_omega=omega, encoding="frequency")
+    net = _net(head, width=256, depth=4).spec()
+    assert np.abs(net.weights[0]).max() <= omega / net.weights[0].shape[1]
+    hidden = np.sin(np.random.default_rng(0).uniform(-np.pi, np.pi, (2000, 256)))
+    variance = 1.0
+    for weight in net.weights[1:-1]:
+        inner = hidden @ weight.T
+        assert inner.var() == pytest.approx(variance, rel=0.03)
+        # of normal numbers 4.6 % lie beyond two standard deviations
+        assert np.mean(np.abs(inner) > 2 * inner.std()) == pytest.approx(0.046, abs=0.01)
+        hidden, variance = np.sin(inner), 1 - np.exp(-2 * variance)
+
+
+@pytest.mark.parametrize("omega", [1.0, 30.0])
+def test_the_file_holds_omega_in_its_weights(omega):
+    net = _net(TrainOptions(activation="sine", sine_omega=omega, output="linear"))
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
+
+
 def test_the_residual_is_the_transfer_of_an_open_point():
     net = _net(TrainOptions(residual=True, output="linear"))
     with torch.no_grad():

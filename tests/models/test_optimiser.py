@@ -32,6 +32,28 @@ def test_one_cycle_has_its_peak_at_three_tenths():
     assert rates[-1] == 0
 
 
+def test_muon_leaves_a_net_of_one_hidden_layer_to_adam():
+    net = Mlp(ModelOptions(8, 1), TrainOptions(), 3, torch.Generator().manual_seed(0))
+    (adam,) = optimiser.make(net, TrainOptions(optimiser="muon"))
+    assert len(adam.param_groups[0]["params"]) == 4
+
+
+def test_muon_turns_a_gradient_into_one_of_equal_singular_values():
+    """Jordan et al. 2024: the step is the gradient's orthogonal factor, which Newton-Schulz finds to within a third."""
+    options = TrainOptions(optimiser="muon", matrix_rate=1.0)
+    net = Mlp(ModelOptions(16, 2), options, 3, torch.Generator().manual_seed(0))
+    matrix = net.weights[1]
+    before = matrix.detach().clone()
+    for parameter in net.parameters():
+        parameter.grad = torch.zeros_like(parameter)
+    matrix.grad = torch.randn(16, 16, generator=torch.Generator().manual_seed(1))
+    left, values, right = torch.linalg.svd(matrix.grad)
+    optimiser.make(net, options)[1].step()
+    turned = left.T @ (before - matrix.detach()) @ right.T
+    assert values.max() > 20 * values.min()
+    torch.testing.assert_close(turned, torch.eye(16), rtol=0, atol=0.4)
+
+
 @pytest.mark.parametrize(("name", "hidden"), [("adam", slice(0)), ("muon", slice(1, -1)), ("soap", slice(None))])
 def test_each_parameter_has_one_optimiser(name, hidden):
     options = TrainOptions(optimiser=name, learning_rate=0.02, matrix_rate=0.3)

@@ -71,7 +71,9 @@ def test_each_epoch_visits_each_point_at_most_once():
 VARIANTS = {
     "adam": SHORT,
     "soap": replace(SHORT, optimiser="soap"),
-    "muon": replace(SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="l1"),
+    "muon": replace(
+        SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="radiance", grid_cells=[[4, 3, 2]]
+    ),
 }
 
 
@@ -179,11 +181,36 @@ def test_threads_and_random_state_are_left_alone():
     assert torch.equal(torch.get_rng_state(), before)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"loss": "projection", "loss_samples": 16},
+        {"loss": "radiance", "loss_norm": "l1", "band_falloff": 0.5, "dark_weight": 0.5},
+        {"grid_cells": [[6, 6, 3]], "grid_channels": 4, "position_frequencies": 0},
+        {"encoding": "triangle", "activation": "relu", "optimiser": "muon"},
+        {"encoding": "identity", "activation": "sine", "sine_omega": 10.0, "learning_rate": 0.005},
+    ],
+)
+def test_every_part_learns(change):
+    test = points(500, seed=9)
+    result = train(points(20_000), model=MODEL, options=replace(SHORT, **change), steps=400, held_out=test)
+    open_points = np.sqrt(np.mean((sh.cosine_lobe(test.normals, 3) - test.transfer) ** 2))
+    assert np.sqrt(np.mean(result.held_out_rmse**2)) < 0.2 * open_points
+
+
 def test_the_progress_line_gets_what_it_needs():
     seen = []
     train(points(), model=MODEL, options=SHORT, steps=10, on_log=seen.append)
     assert set(seen[-1]) == {"step", "steps", "loss", "rate", "eta"}
     assert (seen[-1]["step"], seen[-1]["steps"], seen[-1]["eta"]) == (10, 10, 0)
+
+
+@pytest.mark.parametrize(("activation", "half"), [("sine", False), ("hard_gelu", True)])
+def test_sines_are_spared_bfloat16_unless_it_is_asked_for(activation, half, monkeypatch):
+    monkeypatch.setattr("prtnet.models.run.fast_bfloat16", lambda device: True)
+    options = replace(SHORT, activation=activation, precision="auto")
+    assert Run(points(), MODEL, options, 5).bfloat16 == half
+    assert Run(points(), MODEL, replace(options, precision="bfloat16"), 5).bfloat16
 
 
 def test_bfloat16_learns_as_well_as_float32():

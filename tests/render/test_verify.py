@@ -1,15 +1,18 @@
 import numpy as np
 import pytest
 
-from prtnet.export import glsl
+from prtnet.export import glsl, grid
+from prtnet.netspec import NetSpec
 from prtnet.render import verify
-from tests.nets import random_net
+from tests.nets import random_grid, random_net
 
 HEADS = [
     {"activation": "leaky_relu", "output": "tanh"},
     {"activation": "gelu", "output": "linear", "residual": True},
     {"activation": "silu", "output": "linear", "residual": True},
     {"activation": "hard_gelu", "output": "linear"},
+    {"activation": "relu", "output": "linear", "encoding": "identity"},
+    {"activation": "sine", "output": "linear", "encoding": "triangle"},
 ]
 
 
@@ -39,6 +42,24 @@ def test_four_groups_are_padded_one_by_one(bands):
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
 
 
+@pytest.mark.parametrize("kind", ["float16", "float32"])
+def test_grids_are_fetched_as_numpy_interpolates(kind):
+    """Sides that differ, a grid of one cell, corners of the cube and points between cells."""
+    grids = (random_grid(7, 4, 3, 12, kind), random_grid(1, 1, 1, 4, kind), random_grid(16, 8, 32, 8, kind))
+    net = random_net(width=16, grids=grids)
+    positions, normals = verify.random_points(3000, np.random.default_rng(6))
+    positions[:8] = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
+    positions[8:400] = np.round(positions[8:400] * 8) / 8
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+def test_the_texture_of_a_grid_has_blocks_of_four_channels():
+    values = random_grid(5, 4, 3, 8)
+    volume = grid.texels(values)
+    assert volume.shape == (6, 4, 5, 4)
+    np.testing.assert_array_equal(volume[3 + 2, 1, 4], values[2, 1, 4, 4:])
+
+
 def test_large_arguments_stay_finite():
     """Hidden values of several hundred: neither exp nor tanh may overflow into NaN."""
     for head in HEADS:
@@ -59,6 +80,19 @@ def test_corners_of_the_encoding():
     positions = np.stack(np.meshgrid(grid, grid, grid), -1).reshape(-1, 3)
     normals = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (122, 1))[: len(positions)].astype(np.float32)
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+@pytest.mark.parametrize("turns", [0.5, 16, 1024])
+def test_the_sine_activation_is_off_by_rounding_alone(turns):
+    """Each driver's own sine may be off by 1e-3; this one is a polynomial after whole turns are taken off exactly."""
+    reach = 2 * np.pi * turns
+    weight = np.zeros((4, 6), np.float32)
+    weight[0, 0] = 2.0 ** np.floor(np.log2(reach))  # a power of 2 rounds nothing
+    biases = (np.zeros(4, np.float32), np.zeros(1, np.float32))
+    last = np.float32([[1, 0, 0, 0]])
+    net = NetSpec((weight, last), biases, 0, 0, activation="sine", output="linear", output_scale=1.0, bands=1)
+    positions, normals = verify.random_points(4000, np.random.default_rng(5))
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= 4e-7
 
 
 def test_a_wrong_digit_is_seen():

@@ -274,3 +274,10 @@ def test_without_a_net_nothing_is_trained(tmp_path):
 def test_methods_are_checked(tmp_path, methods):
     with pytest.raises(PrtnetError, match=r"methods: found .*, expected texture and some of vertex, net"):
         run(config(tmp_path, methods=methods))
+
+
+@pytest.mark.parametrize("changes", [{"model__width": 200, "model__depth": 4}, {"train__grid_cells": [[8, 8]]}])
+def test_a_net_that_cannot_be_exported_is_refused_before_any_work(tmp_path, changes):
+    with pytest.raises(PrtnetError, match=r"padded multiply-adds, expected at most 60000|train.grid_cells: found"):
+        run(config(tmp_path, **changes))
+    assert not list(tmp_path.iterdir())

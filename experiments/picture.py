@@ -1,6 +1,6 @@
 """The picture of README's section on materials and bounces: one view by every method and reference.
 
-    python experiments/picture.py [--size 320]
+    python experiments/picture.py [--size 256]
 
 Diffuse and glossy, without a bounce and with one; written to docs/images/methods.png. About ten minutes.
 """
@@ -30,7 +30,7 @@ def config(size: int, glossy: bool, bounces: int) -> Config:
     made.vertex.subdivide, made.vertex.level = CUT, 5
     made.transfer.transport, made.transfer.directions = "interreflected" if bounces else "shadowed", 1024
     made.render.size, made.render.views, made.render.pictures = size, 2, True
-    made.render.exact_views, made.render.exact_samples = 1, 2048
+    made.render.exact_views, made.render.exact_samples = 1, 512
     if glossy:
         made.material.parts = {name: {"specular": [0.35] * 3, "exponent": value} for name, value in GLOSS.items()}
     return made
@@ -46,7 +46,7 @@ def shown(folder: Path) -> list[np.ndarray | None]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, default=320, help="pixels along one side of a picture")
+    parser.add_argument("--size", type=int, default=256, help="pixels along one side of a picture")
     size = parser.parse_args().size
     rows = {}
     for glossy in (False, True):

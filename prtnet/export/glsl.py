@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,8 +98,21 @@ def vectors(net: NetSpec) -> int:
 
 def padded_macs(net: NetSpec) -> int:
     """Multiply-adds of the layers with every size rounded up to a multiple of 4, as the mat4 form computes them."""
-    rows = [quads(weight.shape[0]) for weight in net.weights[:-1]] + [vectors(net)]
-    return sum(16 * row * quads(weight.shape[1]) for row, weight in zip(rows, net.weights, strict=True))
+    return _padded_macs([net.weights[0].shape[1], *map(len, net.biases)], net.groups)
+
+
+def check_size(sizes: list[int], groups: int = 1) -> None:
+    """Raises PrtnetError where a net of these layers, inputs first, is too large for literals."""
+    if _padded_macs(sizes, groups) > MAX_LITERAL_MACS:
+        raise PrtnetError(
+            f"GLSL export: found {_padded_macs(sizes, groups)} padded multiply-adds, expected at most"
+            f" {MAX_LITERAL_MACS} as literals, since compilers take minutes; lower model.width or model.depth"
+        )
+
+
+def _padded_macs(sizes: list[int], groups: int) -> int:
+    vectors = [*map(quads, sizes[:-1]), groups * quads(sizes[-1] // groups)]
+    return sum(16 * before * after for before, after in pairwise(vectors))
 
 
 def _check(net: NetSpec, version: str, storage: str) -> None:
@@ -106,11 +120,7 @@ def _check(net: NetSpec, version: str, storage: str) -> None:
         raise PrtnetError(f"GLSL version: found {version!r}, expected one of {', '.join(VERSIONS)}")
     if storage != "literal":
         raise PrtnetError(f"GLSL weight storage: found {storage!r}, expected 'literal'")
-    if padded_macs(net) > MAX_LITERAL_MACS:
-        raise PrtnetError(
-            f"GLSL export: found {padded_macs(net)} padded multiply-adds, expected at most {MAX_LITERAL_MACS} as"
-            " literals, since compilers take minutes; lower model.width or model.depth"
-        )
+    check_size([net.weights[0].shape[1], *map(len, net.biases)], net.groups)
 
 
 def _header(net: NetSpec) -> str:

@@ -14,8 +14,8 @@ from torch.nn import functional
 
 from prtnet import sh
 from prtnet.models.encoding import encode, trilinear
-from prtnet.models.recipe import ModelOptions, TrainOptions
-from prtnet.netspec import NetSpec, encoded_size
+from prtnet.models.recipe import ModelOptions, TrainOptions, layer_sizes
+from prtnet.netspec import NetSpec
 
 SCALE = math.pi  # the network predicts t / SCALE, which lies within tanh's reach
 
@@ -28,9 +28,7 @@ class Mlp(nn.Module):
     ) -> None:
         super().__init__()
         self.head, self.bands, self.groups = head, bands, groups
-        inputs = encoded_size(head.position_frequencies, head.normal_frequencies, head.encoding)
-        inputs += head.grid_channels * len(head.grid_cells)
-        sizes = [inputs, *[model.width] * model.depth, groups * sh.count(bands)]
+        sizes = layer_sizes(model, head, groups * sh.count(bands))
         pairs = list(zip(sizes[1:], sizes, strict=False))
         bounds = _sine_bounds(sizes, head.sine_omega) if head.activation == "sine" else [None] * len(pairs)
         self.weights = nn.ParameterList(

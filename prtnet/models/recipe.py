@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, netspec
 
 
 @dataclass
@@ -88,6 +88,13 @@ def published() -> TrainOptions:
 _LATER = ("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format")
 
 MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
+
+
+def layer_sizes(model: ModelOptions, options: TrainOptions, outputs: int) -> list[int]:
+    """Numbers that enter the first layer, of each hidden layer, and of the outputs."""
+    inputs = netspec.encoded_size(options.position_frequencies, options.normal_frequencies, options.encoding)
+    inputs += options.grid_channels * len(options.grid_cells)
+    return [inputs, *[model.width] * model.depth, outputs]
 
 
 def settings(options: TrainOptions) -> dict[str, Any]:

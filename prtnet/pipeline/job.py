@@ -16,7 +16,7 @@ from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
-from prtnet.export import gloss
+from prtnet.export import gloss, glsl
 from prtnet.models import recipe
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
@@ -152,6 +152,14 @@ def _check_atlas(config: Config) -> None:
     transfer_map.check(options.level_of_detail)
 
 
+def _check_export(config: Config) -> None:
+    """A net that cannot be exported is not trained, unless nobody asks for its export."""
+    if "net" in config.methods and {"export", "score"} & set(config.stages):
+        groups = 4 if config.transfer.transport == "interreflected" else 1
+        outputs = groups * sh.count(config.transfer.bands)
+        glsl.check_size(recipe.layer_sizes(config.model, config.train, outputs), groups)
+
+
 def _check(config: Config) -> None:
     unknown = [stage for stage in config.stages if stage not in STAGES]
     if unknown or not config.stages:
@@ -186,6 +194,7 @@ def _check(config: Config) -> None:
             "methods: found lit_texture, which keeps light between surfaces, expected transfer.transport=interreflected"
         )
     recipe.check(config.train)
+    _check_export(config)
     _material(config)
     _display(config)
     _check_atlas(config)

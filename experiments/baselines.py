@@ -42,7 +42,7 @@ PAGE = Path(__file__).with_name("baselines.md")
 RESULTS = Path(__file__).parent / "results" / "baselines"
 MATERIALS = {"diffuse": "diffuse", "glossy": "TPFL", "glossy_full": "TP"}
 SCENES = ("tea_set", "dining_table", "room", "plants_dense")
-DISTANCES, ROUNDS, GRID = (1.0, 1.5, 2.5, 4.0), 5, 512
+DISTANCES, ROUNDS, SIZE, GRID = (1.0, 1.5, 2.5, 4.0), 5, 512, 512  # SIZE: pixels along the side of what is timed
 Row = dict[str, Any]
 
 
@@ -131,9 +131,10 @@ def programs(base: Path, scene: str) -> Iterator[tuple[Job, Baked, str, str, Sha
         folder = point(base, name, "diffuse")
         job = open_job(config_of(folder), "", folder.name)
         baked = bake(job)
-        drawing = Raster(baked.texture.atlas, job.config.render.size)
+        drawing = Raster(baked.texture.atlas, SIZE)
         for material in MATERIALS:
             config = replace(job.config, material=config_of(point(base, name, material)).material)
+            config = replace(config, render=replace(config.render, size=SIZE))
             made = make_all(replace(job, config=config), baked, None, Exported(None, {}), drawing)
             for method, each in made.items():
                 fine = " fine" if name != scene else ""

@@ -89,7 +89,7 @@ def tile(folder: Path, name: str, studs: bool) -> Path:
         # each face of the box lies in a cell of its own
         axis = np.abs(mesh.face_normals).argmax(axis=1)
         cell = 2 * axis + (mesh.face_normals[np.arange(12), axis] > 0)
-        flat = np.stack([np.delete(t, a, axis=1) for t, a in zip(box.triangles / size + 0.5, axis, strict=True)])
+        flat = np.stack([np.delete(t, a, axis=1) for t, a in zip(box.triangles / max(size) + 0.5, axis, strict=True)])
         uv = (flat * 0.9 + 0.05 + np.stack([cell % 3, cell // 3], axis=1)[:, None]) / 3
         material = trimesh.visual.material.PBRMaterial(name=part, baseColorFactor=[200, 190, 170, 255])
         if studs and part == "slab":

@@ -14,7 +14,8 @@ MEASURED = ("point", "ms", "ms_ratio", "bake_seconds", "train_seconds")
 
 def side_by_side(rows: Iterable[Row]) -> list[Row]:
     """Rows for a table or a chart. `point` is what the point varies inside its group (scene, material, light), and None
-    where it varies nothing. Rows that several points share, a baseline say, are listed once."""
+    where it varies nothing. Rows that several points share, a baseline say, are listed once. Milliseconds are left out:
+    points ran at different times, and only the ratio to the texture of the same run means something."""
     groups: dict[tables.Group, list[Row]] = {}
     for row in rows:
         groups.setdefault(tables.group_of(row), []).append(row)
@@ -27,13 +28,13 @@ def _distinct(rows: Sequence[Row]) -> list[Row]:
     for row in rows:
         same.setdefault(tuple(v for key, v in asdict(row).items() if key not in MEASURED), []).append(row)
     return [
-        replace(alike[0], point=", ".join(common(own[row.point or ""] for row in alike)) or None)
+        replace(alike[0], point=", ".join(common(own[row.point or ""] for row in alike)) or None, ms=None)
         for alike in same.values()
     ]
 
 
 def own_words(points: Iterable[str]) -> Mapping[str, tuple[str, ...]]:
-    """Point's name (`a.x=1,b=2`) -> the words that not all of them have, their keys shortened (`x=1`)."""
+    """Point's name (`a.x=1,b=2`) -> the words that not all of them have, as `x=1`, or a value that is a name."""
     words = {point: tuple(_split(point)) for point in points}
     shared = set(common(words.values()))
     return {point: tuple(_short(w) for w in found if w not in shared) for point, found in words.items()}
@@ -52,4 +53,6 @@ def _split(point: str) -> list[str]:
 
 def _short(word: str) -> str:
     key, equals, value = word.partition("=")
-    return f"{key.split('.')[-1]}{equals}{value}"
+    # a name speaks for itself: the value of `train` or of `transfer.kind`
+    telling = value.isidentifier() and value not in ("true", "false", "null")
+    return value if telling else f"{key.split('.')[-1]}{equals}{value}"

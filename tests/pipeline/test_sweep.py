@@ -106,11 +106,13 @@ def test_nothing_is_written_where_no_point_was_scored(tmp_path):
 
 
 def test_words_are_those_that_points_do_not_share():
-    found = points.own_words(["model.width=8,scene=a,methods=[texture,net]", "model.width=16,scene=a,methods=[net,x]"])
-    assert [", ".join(words) for words in found.values()] == [
+    names = ["model.width=8,scene=a,methods=[texture,net]", "model.width=16,scene=a,methods=[net,x]"]
+    assert [", ".join(words) for words in points.own_words(names).values()] == [
         "width=8, methods=[texture,net]",
         "width=16, methods=[net,x]",
     ]
+    names = ["train=default,atlas.mipmaps=true", "train=published,atlas.mipmaps=false"]
+    assert list(points.own_words(names).values()) == [("default", "mipmaps=true"), ("published", "mipmaps=false")]
 
 
 def test_rows_that_differ_stay_and_equal_ones_become_one():
@@ -121,9 +123,10 @@ def test_rows_that_differ_stay_and_equal_ones_become_one():
         for row in (TEXTURE, replace(NET, psnr=40.0 + width + (recipe == "a")))
     ]
     shown = points.side_by_side(both)
+    assert {row.ms for row in shown} == {None}
     assert [tables.method_name(row) for row in shown] == [
         "texture",
-        *(f"net, train={recipe}, width={width}" for recipe in ("a", "b") for width in (8, 16)),
+        *(f"net, {recipe}, width={width}" for recipe in ("a", "b") for width in (8, 16)),
     ]
 
 

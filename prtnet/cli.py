@@ -6,13 +6,19 @@ import sys
 from pathlib import Path
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import OverrideParseException
+from hydra.errors import CompactHydraException, OverrideParseException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from prtnet import PrtnetError, config
 
 PACKAGE = Path(__file__).resolve().parent
+
+
+class PointFailed(CompactHydraException):
+    """A point of a sweep found a PrtnetError. Hydra goes on with the other points and ends with this one's message."""
 
 
 def config_folder() -> Path:
@@ -32,6 +38,8 @@ def _job(composed: DictConfig) -> None:
         pipeline.run(options, *_point())
     except PrtnetError as error:
         print(f"prtnet: {error}", file=sys.stderr)
+        if _swept():
+            raise PointFailed("prtnet: a point of the sweep failed, see above; the others are done") from None
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print("prtnet: interrupted; the same command goes on from here", file=sys.stderr)
@@ -40,12 +48,12 @@ def _job(composed: DictConfig) -> None:
 
 def _point() -> tuple[str, str | None]:
     """The command of this job, and what tells it from the others of a sweep (None outside sweeps)."""
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-
     settings = HydraConfig.get()
-    name = settings.job.override_dirname if settings.mode == RunMode.MULTIRUN else None
-    return shlex.join(["prtnet", *settings.overrides.task]), name
+    return shlex.join(["prtnet", *settings.overrides.task]), settings.job.override_dirname if _swept() else None
+
+
+def _swept() -> bool:
+    return HydraConfig.get().mode == RunMode.MULTIRUN
 
 
 def _with_point_names(arguments: list[str]) -> list[str]:
@@ -73,7 +81,13 @@ def main() -> None:
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
     config.register()
     sys.argv[1:] = _with_point_names(sys.argv[1:])
-    _job()
+    try:
+        _job()
+    except SystemExit as stop:
+        # Hydra's own exit code is 1 whatever a sweep ended with
+        if isinstance(stop.__context__, PointFailed):
+            raise SystemExit(2) from None
+        raise
 
 
 if __name__ == "__main__":

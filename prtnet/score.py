@@ -225,6 +225,10 @@ class Row:
     train_seconds: float | None
     clipped: float | None  # share of the covered pixels with a negative channel
     views: int
+    covered: float | None = None  # share of the frame, mean of the views
+    vertices: int | None = None  # of the mesh that the method draws
+    triangles: int | None = None  # of that mesh
+    point: str | None = None  # of a sweep: what tells its rows from those of the others
 
     @property
     def is_noise_floor(self) -> bool:
@@ -238,6 +242,7 @@ class Row:
 
 
 KEYS = tuple(field.name for field in fields(Row))
+OPTIONAL = frozenset({"covered", "vertices", "triangles", "point"})  # files from before these columns lack them
 COSTS = ("ms", "ms_ratio", "macs", "bytes", "bake_seconds", "train_seconds")
 
 
@@ -284,7 +289,7 @@ def read(path: Path) -> tuple[list[Row], dict[str, str | None]]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise PrtnetError(f"{path}: not a score file ({error!r}), expected JSON with rows and versions") from None
     for index, each in enumerate(rows):
-        odd = sorted(set(each) ^ set(KEYS))
+        odd = sorted((set(each) ^ set(KEYS)) - (OPTIONAL - set(each)))
         if odd:
             raise PrtnetError(f"{path}: row {index} misses or has besides: {', '.join(odd)}; score the run again")
     return [Row(**each) for each in rows], found

@@ -228,7 +228,7 @@ def test_costs() -> None:
 def test_keys_are_those_of_the_format() -> None:
     expected = (
         "scene method material light reference psnr psnr_worst psnr_full ssim ssim_full mae flip ms ms_ratio "
-        "macs bytes bake_seconds train_seconds clipped views"
+        "macs bytes bake_seconds train_seconds clipped views covered vertices triangles point"
     )
     assert " ".join(score.KEYS) == expected
 
@@ -248,6 +248,20 @@ def test_file_round_trip(tmp_path: Path) -> None:
     score.write(tmp_path / "score.json", rows, score.versions())
     assert score.read(tmp_path / "score.json") == (rows, score.versions())
     assert [row.is_noise_floor for row in rows] == [False, True]
+
+
+def test_files_from_before_a_column_are_read_with_null(tmp_path: Path) -> None:
+    whole = replace(ROW, covered=0.5, vertices=12, triangles=20)
+    content = json.loads(score.rows_to_json([whole], {}))
+    for name in score.OPTIONAL:
+        del content["rows"][0][name]
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    assert score.read(tmp_path / "old.json")[0] == [ROW]
+    assert ROW.covered is ROW.vertices is ROW.triangles is None
+    del content["rows"][0]["macs"]
+    (tmp_path / "older.json").write_text(json.dumps(content))
+    with pytest.raises(PrtnetError, match="row 0 misses or has besides: macs;"):
+        score.read(tmp_path / "older.json")
 
 
 def test_file_is_strict_json() -> None:

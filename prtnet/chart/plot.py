@@ -20,6 +20,7 @@ from prtnet.score import Row
 
 COLOURS = ("#0b6fb8", "#c8501e", "#2a8a5b", "#8e4fa8", "#b08a00", "#c0397a", "#4c5f73", "#5b9bd5")
 INK, FAINT, GRID = "#22262d", "#6a7280", "#e4e7ec"
+ACROSS = 3  # panels side by side
 PANELS = (("macs", "multiply-adds per pixel"), ("ms_ratio", "time of a frame, over that of texture"))
 
 
@@ -42,6 +43,31 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
         _panel(axes, groups, key)
         axes.set_xlabel(label, color=INK)
         axes.set_ylabel(f"PSNR against {reference}, dB" if place == 0 else "", color=INK)
+    _save(figure, path)
+
+
+def panels(path: Path, rows: Sequence[Row], *, reference: str = "traced", title: str = "") -> None:
+    """Write a PNG of PSNR against multiply-adds, a panel for each scene, material and light; as `pareto` for one."""
+    groups: dict[tables.Group, list[Row]] = {}
+    for row in tables.ordered(rows):
+        if row.reference == reference and row.psnr is not None:
+            groups.setdefault(tables.group_of(row), []).append(row)
+    if len(groups) < 2:
+        pareto(path, rows, reference=reference, title=title)
+        return
+    across = min(len(groups), ACROSS)
+    down = -(-len(groups) // across)
+    figure = _figure(5.2 * across, 3.9 * down + 0.5)
+    height = figure.get_figheight()
+    figure.suptitle(_plain(title), x=0.03, y=1 - 0.15 / height, ha="left", color=INK, weight="bold", size=14)
+    for place, (group, members) in enumerate(groups.items()):
+        row, column = divmod(place, across)
+        low = (3.9 * (down - 1 - row) + 0.6) / height
+        axes = figure.add_axes(((column + 0.12) / across, low, 0.84 / across, 2.85 / height))
+        _panel(axes, {group: members}, PANELS[0][0])
+        axes.set_title(_plain(" · ".join(group)), loc="left", color=INK, size=11)
+        axes.set_xlabel(PANELS[0][1], color=INK)
+        axes.set_ylabel(f"PSNR against {reference}, dB" if column == 0 else "", color=INK)
     _save(figure, path)
 
 

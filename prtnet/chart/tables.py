@@ -13,7 +13,7 @@ from typing import Any, Literal
 from prtnet.score import Row
 
 WIDTH = 120  # characters of the terminal's table
-NAME_WIDTH = 24  # characters a name may take in a table
+NAME_WIDTH = 36  # characters a name may take in a table
 
 Group = tuple[str, str, str]  # scene, material, light
 
@@ -124,14 +124,14 @@ def ordered(rows: Iterable[Row]) -> list[Row]:
 
     def place(row: Row) -> tuple[object, ...]:
         against = row.reference != "traced", row.reference
-        return group_of(row), against, row.is_noise_floor, row.method, row.macs or 0
+        return group_of(row), against, row.is_noise_floor, row.method, row.macs or 0, row.point or ""
 
     return sorted(rows, key=place)
 
 
 def method_name(row: Row) -> str:
-    """The method as it is shown."""
-    return row.method.replace("_", " ")
+    """The method as it is shown, in a sweep with what its point varies."""
+    return ", ".join(filter(None, (row.method.replace("_", " "), row.point)))
 
 
 def grids(rows: Sequence[Row], without: Sequence[str] = ()) -> list[Grid]:

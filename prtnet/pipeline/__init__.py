@@ -4,11 +4,14 @@
 everything and only prints.
 """
 
+from pathlib import Path
+
 from prtnet.config import STAGES, Config
 
 
 def run(config: Config, command: str = "", sweep_point: str | None = None) -> None:
-    """Run a job. `command` is shown in its report; a point of a sweep gets a folder of its own.
+    """Run a job. `command` is shown in its report; a point of a sweep gets a folder of its own
+    and joins the summary in the folder above.
 
     Raises PrtnetError for whatever the user can mend.
     """
@@ -36,3 +39,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None) -> No
             scored = score_methods(job, baked, network, exported)
             write_pictures(job, baked, network, exported, scored)
             report(job, baked, network, exported, scored)
+            if sweep_point:
+                from prtnet.pipeline.sweep import summarise
+
+                summarise(job.out.parents[len(Path(sweep_point).parts) - 1])

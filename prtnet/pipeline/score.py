@@ -56,6 +56,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "render": {key: value for key, value in asdict(job.config.render).items() if key not in SHOWN_ONLY},
         "camera": job.config.scene.camera,
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
+        "columns": list(score.KEYS),
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
@@ -89,7 +90,8 @@ def _draw_and_score(
     pixels = float(np.mean([mask.sum() for mask in covered]))
     pairs = [(name, "traced") for name in methods] + ([("net", "texture")] if "net" in methods else [])
     spent = {name: {"ms": each, "ms_ratio": each / times["texture"]} for name, each in times.items()}
-    costs = {name: method.costs(pixels) | spent[name] for name, method in methods.items()}
+    share = {"covered": float(np.mean([mask.mean() for mask in covered]))}
+    costs = {name: method.costs(pixels) | spent[name] | _mesh(method) | share for name, method in methods.items()}
     rows = []
     for name, reference in pairs:
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
@@ -109,10 +111,16 @@ def _draw_and_score(
     facts = {
         "rows": [asdict(row) for row in rows],
         "exposure": exposure,
-        "covered": float(np.mean([mask.mean() for mask in covered])),
+        **share,
         "shown_views": shown.tolist(),
     }
     return kept, facts
+
+
+def _mesh(method: Drawn) -> dict[str, int]:
+    """What is drawn, with both sides of two-sided faces, which have vertices of their own."""
+    drawn = method.shaded.raster.scene
+    return {"vertices": len(drawn.vertices), "triangles": len(drawn.faces)}
 
 
 def _times(methods: Mapping[str, Drawn], eye: Camera, coefficients: Array) -> dict[str, float]:

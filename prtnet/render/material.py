@@ -65,8 +65,10 @@ class Material:
 
     @property
     def name(self) -> str:
-        """As rows of scores call it: `glossy` where anything is specular."""
-        return "glossy" if self.glossy else "diffuse"
+        """As rows of scores call it: `glossy` where anything is specular, `glossy full` with the full product."""
+        if not self.glossy:
+            return "diffuse"
+        return "glossy full" if self.product == "full" else "glossy"
 
     @property
     def glossy(self) -> bool:

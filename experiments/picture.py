@@ -2,7 +2,7 @@
 
     python experiments/picture.py [--size 256]
 
-Diffuse and glossy, without a bounce and with one; written to docs/images/methods.png. About ten minutes.
+Diffuse and glossy, without a bounce and with one; written to docs/images/methods.jpg. About ten minutes.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from prtnet.config import Config
 from prtnet.pipeline import run
 
 ROOT = Path(__file__).resolve().parents[1]
-PICTURE = ROOT / "docs" / "images" / "methods.png"
+PICTURE = ROOT / "docs" / "images" / "methods.jpg"
 COLUMNS = ("vertex", "texture", "lit_texture", "traced", "exact")
 CUT = ["walls", "floor", "ceiling", "rug", "frames"]
 GLOSS = {"vase": 40.0, "bowl": 40.0, "tables": 12.0, "sofa": 8.0, "sofa_cushions": 8.0, "globe": 40.0, "pot": 20.0}

@@ -114,7 +114,7 @@ def grid(
     title: str,
     cell: int = 256,
 ) -> None:
-    """Write a PNG of tone-mapped sRGB images in [0, 1]: a row by each name, empty places where there is None."""
+    """Write a PNG or JPEG of tone-mapped sRGB images in [0, 1]: a row by each name, empty places for None."""
     first = next(image for row in images.values() for image in row if image is not None)
     plan = replace(layout(len(images), 0, first.shape[:2], cell), columns=len(columns))
     sheet = Image.new("RGB", plan.sheet, PAPER)
@@ -125,7 +125,7 @@ def grid(
             if image is not None:
                 _cell(sheet, pen, plan, (row, column), image, name)
     with store.atomic(path) as temporary:
-        sheet.save(temporary, format="PNG", optimize=True)
+        sheet.save(temporary, format="JPEG" if path.suffix == ".jpg" else "PNG", optimize=True, quality=88)
 
 
 def _font(height: int, bold: bool = False) -> ImageFont.FreeTypeFont:

@@ -84,7 +84,7 @@ def test_gloss_is_scored_from_the_same_bake(finished, product, macs):
     changes = {f"material__{key}": value for key, value in glossy.items()}
     run(config(out, cache=str(finished / "cache"), **changes))
     rows, _ = score.read(out / "score.json")
-    assert {row.material for row in rows} == {"glossy"}
+    assert {row.material for row in rows} == {"glossy full" if product == "full" else "glossy"}
     assert {row.material for row in score.read(finished / "score.json")[0]} == {"diffuse"}
     by_method = {row.method: row for row in rows if row.reference == "traced"}
     assert by_method.keys() == {"texture", "vertex", "net", score.NOISE_FLOOR}

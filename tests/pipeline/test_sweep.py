@@ -10,6 +10,7 @@ from prtnet.chart import plot, points, tables
 from prtnet.pipeline import run, sweep
 from tests.pipeline.test_pipeline import config
 from tests.rows import FLOOR, NET, TEXTURE
+from tests.small import overrides
 from tests.test_cli import prtnet
 
 SMALL = {"methods": ["texture", "vertex"], "vertex__subdivide": ["floor"]}
@@ -62,7 +63,6 @@ def test_rows_carry_what_tables_are_plotted_against(swept):
     rows, _ = score.read(swept[0] / "score.json")
     drawn = {(row.method, row.point): row for row in rows if row.is_method}
     coarse, fine = (drawn["vertex", f"vertex.level={level}"] for level in (0, 2))
-    # the twelve triangles of a floor of 240 vertices become sixteen times as many
     assert coarse.triangles < fine.triangles
     assert coarse.vertices < fine.vertices
     assert fine.bytes == score.vertex_bytes(fine.vertices, 9)
@@ -70,15 +70,7 @@ def test_rows_carry_what_tables_are_plotted_against(swept):
     assert 0 < coarse.covered == fine.covered < 1
 
 
-def test_products_of_gloss_have_names_of_their_own(tmp_path):
-    job = {"methods": ["texture"], "material__specular": [0.5] * 3, "material__product": "full"}
-    run(config(tmp_path, **job))
-    assert {row.material for row in score.read(tmp_path / "score.json")[0]} == {"glossy full"}
-
-
 def test_a_failed_point_leaves_the_rest_intact(tmp_path):
-    from tests.small import overrides
-
     job = overrides(tmp_path, methods="[texture]", transfer__kind="spiral,uniform")
     done = prtnet("-m", *job)
     assert done.returncode == 2, done.stderr

@@ -33,9 +33,9 @@ def check(sets: str) -> None:
         raise PrtnetError(f"atlas.sets: found {sets!r}, expected one of {', '.join(SETS)}")
 
 
-def check_limits(size: int, coefficients: int, texel_bytes: int, limit_gib: float) -> None:
+def check_limits(size: int, coefficients: int, texel_bytes: int, limit_gib: float, groups: int = 1) -> None:
     """Raises PrtnetError, naming key and limit, for textures that this driver or `limit_gib` has no room for."""
-    needed = gl.layer_count(coefficients)
+    needed = groups * gl.layer_count(coefficients)
     # the driver is not started for what every OpenGL 3.3 can do
     small = size <= EVERYWHERE[0] and needed <= EVERYWHERE[1]
     side, layers, matrices = (size, needed, needed) if small else gl.largest_texture()
@@ -43,7 +43,7 @@ def check_limits(size: int, coefficients: int, texel_bytes: int, limit_gib: floa
         raise PrtnetError(f"atlas.size: found {size}, expected at most {side} (GL_MAX_TEXTURE_SIZE of this driver)")
     for limit, name in ((layers, "GL_MAX_ARRAY_TEXTURE_LAYERS"), (matrices, "GL_MAX_FRAGMENT_UNIFORM_COMPONENTS / 16")):
         if needed > limit:
-            most = isqrt(4 * limit)
+            most = isqrt(4 * limit // groups)
             raise PrtnetError(
                 f"transfer.bands: found {isqrt(coefficients)}, which takes {needed} layers of 4 coefficients; expected "
                 f"at most {most} bands in a shader, {limit} layers ({name} of this driver)"

@@ -67,7 +67,7 @@ class Job:
     @property
     def groups(self) -> int:
         """Groups of SH coefficients in a point's transfer: see `pipeline.transport`."""
-        return 4 if self.bounces else 1
+        return _groups(self.config)
 
     @property
     def light_name(self) -> str:
@@ -155,9 +155,13 @@ def _check_atlas(config: Config) -> None:
 def _check_export(config: Config) -> None:
     """A net that cannot be exported is not trained, unless nobody asks for its export."""
     if "net" in config.methods and {"export", "score"} & set(config.stages):
-        groups = 4 if config.transfer.transport == "interreflected" else 1
-        outputs = groups * sh.count(config.transfer.bands)
-        glsl.check_size(recipe.layer_sizes(config.model, config.train, outputs), groups)
+        outputs = _groups(config) * sh.count(config.transfer.bands)
+        glsl.check_size(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
+
+
+def _groups(config: Config) -> int:
+    """Groups of coefficients: see `pipeline.transport`."""
+    return 4 if config.transfer.transport == "interreflected" else 1
 
 
 def _check(config: Config) -> None:
@@ -194,7 +198,6 @@ def _check(config: Config) -> None:
             "methods: found lit_texture, which keeps light between surfaces, expected transfer.transport=interreflected"
         )
     recipe.check(config.train)
-    _check_export(config)
     _material(config)
     _display(config)
     _check_atlas(config)
@@ -206,4 +209,6 @@ def _check(config: Config) -> None:
         raise PrtnetError(f"transfer.transport: found {config.transfer.transport!r}, expected one of {expected}")
     # last, since it starts the driver
     texel_bytes = quantise.FORMATS[config.atlas.format]
-    atlas_set.check_limits(config.atlas.size, sh.count(config.transfer.bands), texel_bytes, config.atlas.memory_limit)
+    count = sh.count(config.transfer.bands)
+    atlas_set.check_limits(config.atlas.size, count, texel_bytes, config.atlas.memory_limit, _groups(config))
+    _check_export(config)

@@ -68,11 +68,12 @@ def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Any:
             scale=job.frame.scale,
             name=job.scene.name,
         )
+    assert result.held_out_rmse is not None
     facts = {
         "steps": result.steps,
         "cpu_seconds": result.cpu_seconds,
         "history": _thinned(result.history),
-        "areas_rmse": _rmse(result.net, points.areas),
+        "areas_rmse": float(np.sqrt(np.mean(np.square(result.held_out_rmse)))),
         "vertices_rmse": _rmse(result.net, points.vertices),
         "recipe": options.recipe,
         "width": model.width,

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from prtnet.data.bilinear import bilinear
 from prtnet.data.scene import Scene
 
 Array = np.ndarray
@@ -18,18 +19,5 @@ def albedo(scene: Scene, face: Int[Array, " n"], weights: Float[Array, "n 3"]) -
     for index, material in enumerate(scene.materials):
         if material.texture is not None:
             here = part == index
-            out[here] *= bilinear(material.texture, uv[here])
+            out[here] *= bilinear(material.texture, uv[here]).astype(np.float32)
     return out
-
-
-def bilinear(image: Float[Array, "h w c"], uv: Float[Array, "n 2"]) -> Float[Array, "n c"]:
-    """A repeated image between its four nearest texel centres, which lie at half-integers; row 0 is v = 1."""
-    height, width = image.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    across, down = (x - column)[:, None], (y - row)[:, None]
-    above, below = (
-        (1 - across) * image[r % height, column % width] + across * image[r % height, (column + 1) % width]
-        for r in (row, row + 1)
-    )
-    return ((1 - down) * above + down * below).astype(image.dtype)

@@ -13,6 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from prtnet.data.bilinear import bilinear
+
 Array = np.ndarray
 
 
@@ -70,16 +72,5 @@ def trilinear(
     for number, image in enumerate(levels):
         for weight in ((low == number)[:, None] * (1 - share), (low + 1 == number)[:, None] * share):
             some = weight[:, 0] > 0
-            found[some] += weight[some] * _bilinear(image, uv[some])
+            found[some] += weight[some] * bilinear(image, uv[some], repeat=False)
     return found
-
-
-def _bilinear(image: Float[Array, "h w k"], uv: Float[Array, "n 2"]) -> Float[Array, "n k"]:
-    height, width = image.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    right, down = (x - column)[:, None], (y - row)[:, None]
-    rows = [np.clip(row + step, 0, height - 1) for step in (0, 1)]
-    columns = [np.clip(column + step, 0, width - 1) for step in (0, 1)]
-    top, bottom = ((1 - right) * image[r, columns[0]] + right * image[r, columns[1]] for r in rows)
-    return (1 - down) * top + down * bottom

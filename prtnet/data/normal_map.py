@@ -12,6 +12,7 @@ from jaxtyping import Float, Float32, Int
 from PIL import Image, UnidentifiedImageError
 
 from prtnet import PrtnetError
+from prtnet.data.bilinear import bilinear
 from prtnet.data.materials import vectors
 from prtnet.data.scene import Scene
 
@@ -32,21 +33,10 @@ def perturbed(
         corner = scene.faces[face[rows]]
         mixed = np.einsum("ni,nij->nj", weights[rows], scene.tangents[corner].astype(np.float64))
         uv = np.einsum("ni,nij->nj", weights[rows], scene.uv[corner].astype(np.float64))
-        bent, normal = look_up(material.normal_map, uv), normals[rows].astype(np.float64)
+        bent, normal = bilinear(material.normal_map, uv), normals[rows].astype(np.float64)
         across = mixed[:, 3:] * np.cross(normal, mixed[:, :3])
         out[rows] = bent[:, :1] * mixed[:, :3] + bent[:, 1:2] * across + bent[:, 2:] * normal
     return out
-
-
-def look_up(image: Float[Array, "h w 3"], uv: Float[Array, "n 2"]) -> Float[Array, "n 3"]:
-    """Bilinear, repeated beyond [0, 1], row 0 at v = 1: the twin of the shader's."""
-    height, width = image.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    right, down = (x - column)[:, None], (y - row)[:, None]
-    rows, columns = [(row + step) % height for step in (0, 1)], [(column + step) % width for step in (0, 1)]
-    top, bottom = ((1 - right) * image[r, columns[0]] + right * image[r, columns[1]] for r in rows)
-    return (1 - down) * top + down * bottom
 
 
 def read(path: Path) -> Float32[Array, "h w 3"]:

@@ -7,6 +7,7 @@ metallicRoughness, linear. The B channel, metalness, is not used.
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int32
 
+from prtnet.data.bilinear import bilinear
 from prtnet.data.scene import Scene
 
 Array = np.ndarray
@@ -50,7 +51,7 @@ def sampled(scene: Scene) -> Float32[Array, " v"]:
     for index, material in enumerate(scene.materials):
         own = np.flatnonzero(part == index)
         if material.roughness_map is not None and scene.uv is not None and len(own):
-            found[own] *= _bilinear(material.roughness_map, scene.uv[own])
+            found[own] *= bilinear(material.roughness_map[..., None], scene.uv[own])[:, 0]
     return found
 
 
@@ -59,14 +60,3 @@ def part_of_vertices(scene: Scene) -> Int32[Array, " v"]:
     part = np.zeros(len(scene.vertices), np.int32)
     part[scene.faces.ravel()] = np.repeat(scene.part, 3)
     return part
-
-
-def _bilinear(image: Float32[Array, "h w"], uv: Float[Array, "n 2"]) -> Float64[Array, " n"]:
-    """The image at texture coordinates, v up and row 0 on top, repeated beyond [0, 1]."""
-    height, width = image.shape
-    x, y = uv[:, 0] * np.float64(width) - 0.5, (1 - uv[:, 1]) * np.float64(height) - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    right, down = x - column, y - row
-    rows, columns = [row % height, (row + 1) % height], [column % width, (column + 1) % width]
-    above, below = ((1 - right) * image[r, columns[0]] + right * image[r, columns[1]] for r in rows)
-    return (1 - down) * above + down * below

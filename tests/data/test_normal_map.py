@@ -11,6 +11,7 @@ from PIL import Image
 
 from prtnet import PrtnetError
 from prtnet.data import atlas, atlas_set, builtin, normal_map, samples, tangent, texture, transfer, vertex
+from prtnet.data.bilinear import bilinear
 from prtnet.data.normals import unit
 from prtnet.data.scene import assemble, load
 from prtnet.data.tracer import Tracer
@@ -109,9 +110,9 @@ def test_green_is_up_the_image():
 def test_look_up_is_bilinear_and_repeats():
     image = np.random.default_rng(0).normal(size=(4, 8, 3)).astype(np.float32)
     centres = np.array([[0.5 / 8, 1 - 0.5 / 4], [3.5 / 8, 1 - 2.5 / 4]])
-    np.testing.assert_allclose(normal_map.look_up(image, centres), image[[0, 2], [0, 3]], atol=1e-6)
-    np.testing.assert_allclose(normal_map.look_up(image, centres + [3, -2]), image[[0, 2], [0, 3]], atol=1e-5)
-    between = normal_map.look_up(image, np.array([[1 / 8, 1 - 0.5 / 4], [0.0, 0.5 / 4]]))
+    np.testing.assert_allclose(bilinear(image, centres), image[[0, 2], [0, 3]], atol=1e-6)
+    np.testing.assert_allclose(bilinear(image, centres + [3, -2]), image[[0, 2], [0, 3]], atol=1e-5)
+    between = bilinear(image, np.array([[1 / 8, 1 - 0.5 / 4], [0.0, 0.5 / 4]]))
     np.testing.assert_allclose(between, [image[0, :2].mean(axis=0), image[3, [0, 7]].mean(axis=0)], atol=1e-6)
 
 

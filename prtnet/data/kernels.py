@@ -137,6 +137,17 @@ def multiply(row, column, value, c, out):
         out[row[e]] += value[e] * c[column[e]]
 
 
+@njit(nogil=True, cache=True, inline="always")
+def fill(width, first, origins, directions, rays):
+    """Puts the rays of a list from `first` on into a packet; the last ray fills up what is left of it."""
+    for q in range(width):
+        i = min(first + q, origins.shape[0] - 1)
+        for axis in range(3):
+            rays[axis, q] = origins[i, axis]
+            rays[4 + axis, q] = directions[i, axis]
+        rays[TFAR, q] = FAR
+
+
 @lru_cache(maxsize=3)
 def occluded_kernel(width: int):
     """The kernel that answers a list of rays, in packets of `width`."""
@@ -145,12 +156,7 @@ def occluded_kernel(width: int):
     def occluded(function, scene, options, rays, valid, origins, directions, out):
         count = origins.shape[0]
         for first in range(0, count, width):
-            for q in range(width):
-                i = min(first + q, count - 1)
-                for axis in range(3):
-                    rays[axis, q] = origins[i, axis]
-                    rays[4 + axis, q] = directions[i, axis]
-                rays[TFAR, q] = FAR
+            fill(width, first, origins, directions, rays)
             call_query(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
             for q in range(min(width, count - first)):
                 out[first + q] = rays[TFAR, q] < 0
@@ -166,13 +172,8 @@ def closest_kernel(width: int):
     def closest(function, scene, options, rays, valid, origins, directions, face, where, distance):
         count, words = origins.shape[0], rays.view(np.int32)
         for first in range(0, count, width):
-            for q in range(width):
-                i = min(first + q, count - 1)
-                for axis in range(3):
-                    rays[axis, q] = origins[i, axis]
-                    rays[4 + axis, q] = directions[i, axis]
-                rays[TFAR, q] = FAR
-                words[GEOMETRY, q] = -1
+            fill(width, first, origins, directions, rays)
+            words[GEOMETRY, :] = -1
             call_query(function, valid.ctypes.data, scene, rays.ctypes.data, options)  # pyright: ignore[reportCallIssue]
             for q in range(min(width, count - first)):
                 hit = words[GEOMETRY, q] != -1

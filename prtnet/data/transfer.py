@@ -7,8 +7,9 @@ Lighting Environments*. No albedo, no 1/pi. Where nothing occludes it equals sh.
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -21,6 +22,7 @@ from prtnet.data.surface import Surface
 from prtnet.data.tracer import Tracer, to_world
 
 log = logging.getLogger(__name__)
+Chunk = TypeVar("Chunk")
 
 # the cosine lobe of the normal, no rays; what is seen of the light; and what comes from other surfaces besides
 TRANSPORTS = ("unshadowed", "shadowed", "interreflected")
@@ -150,7 +152,7 @@ def _over_points(
     chunks = np.array_split(morton_order(tracer.frame.to_unit(positions)), count)
     started = spoken = time.perf_counter()
     done = 0
-    for count in _in_threads(work, chunks, threads or cores()):
+    for count in in_threads(work, chunks, threads or cores()):
         done += count
         if progress is not None:
             progress(done)
@@ -171,7 +173,7 @@ def _check(positions: np.ndarray, normals: np.ndarray, sides: np.ndarray) -> Non
             raise PrtnetError(f"transfer: found a {name} of length {worst:.3g}, expected unit vectors")
 
 
-def _in_threads(work: Callable[[np.ndarray], int], chunks: list[np.ndarray], threads: int) -> Iterator[int]:
+def in_threads(work: Callable[[Chunk], int], chunks: Iterable[Chunk], threads: int) -> Iterator[int]:
     """Results of work(chunk) in order. On any exception, Ctrl-C included, chunks that have not begun are dropped."""
     pool = ThreadPoolExecutor(threads)
     try:

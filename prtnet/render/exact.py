@@ -14,7 +14,6 @@ point that the eye sees has a lobe.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from math import pi
 
@@ -27,6 +26,7 @@ from prtnet.data.met import Met, meet
 from prtnet.data.samples import R2_STEP
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
+from prtnet.data.transfer import in_threads
 from prtnet.render import reflectance
 from prtnet.render.gbuffer import GBuffer
 from prtnet.render.material import Material, Reflectance, mirrored
@@ -110,18 +110,15 @@ def radiance(
     streams = rng.spawn(len(chunks))
     out, done = np.empty((len(points.origins), 3)), 0
 
-    def work(index: Array, stream: np.random.Generator) -> Array:
+    def work(chunk: tuple[Array, np.random.Generator]) -> int:
+        index, stream = chunk
         out[index] = _gathered(world, points.take(index), counts, stream, bounces)
-        return index
+        return len(index)
 
-    pool = ThreadPoolExecutor(threads)
-    try:
-        for index in pool.map(work, chunks, streams):
-            done += len(index)
-            if progress is not None:
-                progress(done)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    for count in in_threads(work, zip(chunks, streams, strict=True), threads):
+        done += count
+        if progress is not None:
+            progress(done)
     return out
 
 

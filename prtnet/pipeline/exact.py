@@ -18,7 +18,7 @@ from prtnet.data import light_sampler
 from prtnet.data.light import Light
 from prtnet.data.transfer import cores
 from prtnet.pipeline.job import Job
-from prtnet.pipeline.views import View
+from prtnet.pipeline.views import View, row_of
 from prtnet.render import exact
 from prtnet.render.exact import Points, World
 
@@ -128,23 +128,11 @@ def exact_rows(
     rows = []
     for name, images in frames.items():
         metrics = score.score_views([images[index] for index, _, _ in chosen], references, covered, exposure)
-        rows.append(_row(job, metrics, name, costs.get(name, {})))
+        rows.append(row_of(job, metrics, name, "exact", costs.get(name, {})))
     index, view, reference = chosen[0]
     again = exact_view(job, f"exact view {index + 1} again", view, repeat=1)
     metrics = score.score_views([again], [reference], [view.covered], exposure)
-    return [*rows, _row(job, metrics, score.NOISE_FLOOR, {})]
-
-
-def _row(job: Job, metrics: score.Metrics, method: str, costs: Mapping[str, Any]) -> score.Row:
-    return score.row(
-        metrics,
-        scene=job.scene.name,
-        method=method,
-        material=job.material.name,
-        light=job.light_name,
-        reference="exact",
-        **costs,
-    )
+    return [*rows, row_of(job, metrics, score.NOISE_FLOOR, "exact", {})]
 
 
 def _digest(values: Array) -> str:

@@ -16,7 +16,7 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import Radiosity
-from prtnet.pipeline.views import View, reference_of, views_of
+from prtnet.pipeline.views import View, reference_of, row_of, views_of
 from prtnet.render.camera import Camera
 from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
@@ -95,7 +95,7 @@ def _draw_and_score(
     rows = []
     for name, reference in pairs:
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
-        rows.append(_row(job, metrics, name, reference, costs[name]))
+        rows.append(row_of(job, metrics, name, reference, costs[name]))
     rows.append(_noise_floor(job, views[0], coefficients, radiosity, exposure))
     rows += exact_rows(job, views, frames, costs, exposure)
     if any(view.exact is not None for view in views):
@@ -136,16 +136,4 @@ def _noise_floor(job: Job, view: View, coefficients: Array, radiosity: Radiosity
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
     again = reference_of(job, "traced view 1 again", view.camera, view.gbuffer, coefficients, radiosity, repeat=1)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)
-    return _row(job, metrics, score.NOISE_FLOOR, "traced", {})
-
-
-def _row(job: Job, metrics: score.Metrics, method: str, reference: str, costs: Mapping[str, Any]) -> score.Row:
-    return score.row(
-        metrics,
-        scene=job.scene.name,
-        method=method,
-        material=job.material.name,
-        light=job.light_name,
-        reference=reference,
-        **costs,
-    )
+    return row_of(job, metrics, score.NOISE_FLOOR, "traced", {})

@@ -1,11 +1,13 @@
 """What every method is compared with: the views, and the transfer traced at each of their pixels."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from prtnet import score
 from prtnet.data.samples import Samples
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, incident, traced
@@ -89,3 +91,16 @@ def _at(job: Job, eye: Camera, gbuffer: GBuffer, repeat: int) -> tuple[dict[str,
     inputs = job.scene_key | {"camera": asdict(eye), "size": gbuffer.size, "repeat": repeat, "seed": job.config.seed}
     points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
     return inputs, points
+
+
+def row_of(job: Job, metrics: score.Metrics, method: str, reference: str, costs: Mapping[str, Any]) -> score.Row:
+    """A method's row in the scores of this job."""
+    return score.row(
+        metrics,
+        scene=job.scene.name,
+        method=method,
+        material=job.material.name,
+        light=job.light_name,
+        reference=reference,
+        **costs,
+    )

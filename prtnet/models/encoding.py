@@ -10,11 +10,14 @@ identity   x alone.
 """
 
 import math
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
+
+from prtnet.models import kernels
 
 
 def encode(x: Float[Tensor, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Tensor, "n e"]:
@@ -37,7 +40,31 @@ def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -
 
     On CUDA the gradient of `grid` is summed in no fixed order, and differs from run to run in its last digits.
     """
+    if grid.device.type == "cpu":
+        found = _Trilinear.apply(grid, positions)
+        assert isinstance(found, Tensor)
+        return found
     volume, places = grid.permute(3, 0, 1, 2)[None], positions[None, :, None, None]
     with torch.autocast(grid.device.type, enabled=False):
         found = functional.grid_sample(volume, places, padding_mode="border", align_corners=False)
     return found[0, :, :, 0, 0].T
+
+
+class _Trilinear(torch.autograd.Function):
+    """Channels of a float32 grid (z, y, x, c) at positions in [-1, 1]^3, "n 3"; differentiable in the grid alone."""
+
+    @staticmethod
+    def forward(ctx: Any, grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
+        places = positions.detach().float().contiguous()
+        found = torch.empty(len(places), grid.shape[3])
+        kernels.gather(grid.detach().contiguous().numpy(), places.numpy(), found.numpy())
+        ctx.save_for_backward(places)
+        ctx.shape = grid.shape
+        return found
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        (places,) = ctx.saved_tensors
+        total = torch.zeros(ctx.shape)
+        kernels.scatter(gradients[0].float().contiguous().numpy(), places.numpy(), total.numpy())
+        return total, None

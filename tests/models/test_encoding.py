@@ -25,6 +25,20 @@ def test_torch_reads_grids_as_numpy_does():
     np.testing.assert_allclose(found, netspec.trilinear(grid, positions), rtol=0, atol=3e-6)
 
 
+def test_the_gradient_of_a_grid_is_that_of_a_double_precision_sum():
+    grid = torch.from_numpy(random_grid(4, 3, 1, kind="float32")).requires_grad_()
+    positions = np.concatenate([random_points(200)[0], [[1, 1, 1], [-1, -1, -1]]]).astype(np.float32)
+    towards = np.random.default_rng(1).normal(size=(len(positions), grid.shape[3]))
+    trilinear(grid, torch.from_numpy(positions)).backward(torch.from_numpy(towards.astype(np.float32)))
+    assert grid.grad is not None
+    # the look-up is linear in the grid: its derivative is what a grid of a single 1 gives
+    for place in np.ndindex(*grid.shape[:3]):
+        one = np.zeros((*grid.shape[:3], 4), np.float32)
+        one[place] = 1
+        expected = netspec.trilinear(one, positions)[:, 0] @ towards
+        np.testing.assert_allclose(grid.grad[place].numpy(), expected, rtol=0, atol=2e-5)
+
+
 def test_high_octaves_stay_exact_in_float32():
     """The naive sin(2^j pi x) in float32 is off by 1e-3 here."""
     x = np.float32(0.9999) * np.ones((1, 3), np.float32)

@@ -150,6 +150,14 @@ def upload_volume(volume: Float[np.ndarray, "d h w 4"]) -> moderngl.Texture3D:
     return made
 
 
+def upload_table(table: Float[np.ndarray, "h w 4"]) -> moderngl.Texture:
+    """An unfiltered RGBA texture; texel (x, y) is table[y, x], float32 or float16."""
+    height, width, _ = table.shape
+    made = context().texture((width, height), 4, np.ascontiguousarray(table), dtype=TEXELS[table.dtype.name])
+    made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return made
+
+
 def upload_layers(levels: Sequence[Num[np.ndarray, "_ _ k"]]) -> moderngl.TextureArray:
     """An array of ceil(k/4) RGBA layers, the last one padded with 0, clamped at the border; texels as the images have
     them: float32, float16, or uint8, which reads as 0 to 1. One level is bilinear, a chain of halved sides trilinear.

@@ -2,7 +2,7 @@
 
 A net maps a surface point and its normal to the SH coefficients of its transfer:
 
-    x = (gamma(p), gamma(n), g(p))      p in [-1, 1]^3, the centred position; see `encode`, and `trilinear` for grids
+    x = (gamma(p), gamma(n), g(p))      p in [-1, 1]^3, the centred position; `prtnet.encoding` has gamma, and g, grids
     h = activation(W_i h + b_i)         for each hidden layer, from h = x
     t = output_scale * output(W h + b)  + cosine_lobe(n) where `residual`
 
@@ -24,16 +24,17 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
 from prtnet import PrtnetError, sh, store
+from prtnet.encoding import ENCODINGS, HashGrid, encode, encoded_size, hashed, trilinear
 
 Array = np.ndarray
 
 FORMAT = 1
 METADATA_KEY = "prtnet_net"
 ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine")
-ENCODINGS = ("identity", "frequency", "triangle")
 OUTPUTS = ("tanh", "linear")
 _CHUNK = 1 << 15
-_LATER = ("encoding", "grids")  # fields that files leave out at their default, as files did before these fields
+# fields that files leave out at their default, as they did before there were these fields
+_LATER = ("encoding", "grids", "hashes")
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class NetSpec:
     name: str = "net"
     encoding: str = "frequency"
     grids: tuple[Float[Array, "_ _ _ _"], ...] = ()  # features (z, y, x, channels) over [-1, 1]^3, float32 or float16
+    hashes: tuple[HashGrid, ...] = ()  # finer ones, whose inputs come after those of `grids`
 
     def __post_init__(self) -> None:
         _one_of("activation", self.activation, ACTIVATIONS)
@@ -64,7 +66,7 @@ class NetSpec:
         if not (self.scale > 0 and np.isfinite([self.scale, *self.centre]).all()):
             raise PrtnetError(f"net: found centre {self.centre} and scale {self.scale}, expected finite, scale above 0")
         inputs = encoded_size(self.position_frequencies, self.normal_frequencies, self.encoding)
-        inputs += sum(_grid_channels(grid) for grid in self.grids)
+        inputs += sum(map(_grid_channels, self.grids)) + sum(map(_hash_channels, self.hashes))
         found = [weight.shape for weight in self.weights]
         for weight, bias in zip(self.weights, self.biases, strict=True):
             if weight.shape != (len(bias), inputs):
@@ -85,53 +87,30 @@ def _one_of(field: str, found: str | int, expected: tuple[str, ...] | tuple[int,
 
 
 def _grid_channels(grid: Array) -> int:
-    if grid.ndim != 4 or not grid.size or grid.shape[3] % 4 or grid.dtype not in (np.float16, np.float32):
+    if grid.ndim != 4 or not _features(grid):
         found = f"{grid.shape} in {grid.dtype}"
         raise PrtnetError(f"net grid: found {found}, expected (z, y, x, channels) in float16 or float32, 4 n channels")
-    if not np.isfinite(grid).all():
-        raise PrtnetError("net grid: found NaN or infinity, expected finite numbers; train it again")
+    _refuse_infinite("grid", grid)
     return grid.shape[3]
 
 
-def encoded_size(position_frequencies: int, normal_frequencies: int, encoding: str = "frequency") -> int:
-    """Numbers that enter the first layer."""
-    if position_frequencies < 0 or normal_frequencies < 0:
-        raise PrtnetError(f"net frequencies: found {position_frequencies}, {normal_frequencies}, expected 0 or more")
-    return 6 + 6 * (position_frequencies + normal_frequencies) * (encoding != "identity")
+def _hash_channels(grid: HashGrid) -> int:
+    table, entries = grid.table, len(grid.table)
+    if table.ndim != 2 or not _features(table) or entries & (entries - 1) or not 1 <= grid.cells < 1 << 20:
+        found = f"{grid.cells} cells, {table.shape} in {table.dtype}"
+        expected = "cells of 1 or more, (2^m entries, 4 n channels) in float16 or float32"
+        raise PrtnetError(f"net hash: found {found}, expected {expected}")
+    _refuse_infinite("hash", table)
+    return table.shape[1]
 
 
-def encode(x: Float[Array, "n 3"], frequencies: int, encoding: str = "frequency") -> Float[Array, "n e"]:
-    """gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...) with f_j = fract(2^j x / 2), in float64.
-
-    `frequency`: s and c are sin 2 pi f and cos 2 pi f. `triangle`: the triangle waves with their zeros, peaks and
-    troughs. `identity`: x alone. In turns the argument of a wave is exact for a float32 x, however high the frequency.
-    """
-    exact = np.asarray(x, np.float64)
-    parts = [exact]
-    for j in range(frequencies if encoding != "identity" else 0):
-        turns = exact * 2.0 ** (j - 1)
-        turns -= np.floor(turns)
-        if encoding == "triangle":
-            parts += [4 * np.abs(np.abs(turns - 0.25) - 0.5) - 1, 4 * np.abs(turns - 0.5) - 1]
-        else:
-            parts += [np.sin(2 * math.pi * turns), np.cos(2 * math.pi * turns)]
-    return np.concatenate(parts, axis=1)
+def _features(values: Array) -> bool:
+    return values.size > 0 and values.shape[-1] % 4 == 0 and values.dtype in (np.float16, np.float32)
 
 
-def trilinear(grid: Float[Array, "z y x c"], positions: Float[Array, "n 3"]) -> Float[Array, "n c"]:
-    """Channels of a grid at positions in [-1, 1]^3, in float64. Values stand at the middle of cells, as in a texture;
-    beyond the outermost ones they stay as they are.
-    """
-    sizes = np.array(grid.shape[2::-1])
-    place = np.clip((np.asarray(positions, np.float64) + 1) / 2 * sizes - 0.5, 0, sizes - 1)
-    low = place.astype(int)
-    high, share = np.minimum(low + 1, sizes - 1), place - low
-    total = np.zeros((len(positions), grid.shape[3]))
-    for corner in np.ndindex(2, 2, 2):
-        x, y, z = np.where(corner, high, low).T
-        weight = np.where(corner, share, 1 - share).prod(axis=1)
-        total += weight[:, None] * grid[z, y, x].astype(np.float64)
-    return total
+def _refuse_infinite(what: str, values: Array) -> None:
+    if not np.isfinite(values).all():
+        raise PrtnetError(f"net {what}: found NaN or infinity, expected finite numbers; train it again")
 
 
 def activation(name: str, negative_slope: float = 0.01) -> Callable[[Array], Array]:
@@ -181,10 +160,8 @@ def _rounded(x: Array) -> Array:
 
 def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
     position = encode(positions, net.position_frequencies, net.encoding)
-    normal, features = (
-        encode(normals, net.normal_frequencies, net.encoding),
-        [trilinear(g, positions) for g in net.grids],
-    )
+    normal = encode(normals, net.normal_frequencies, net.encoding)
+    features = [trilinear(each, positions) for each in net.grids] + [hashed(each, positions) for each in net.hashes]
     h = np.concatenate([position, normal, *features], 1)
     bend = activation(net.activation, net.negative_slope)
     last = len(net.weights) - 1
@@ -199,16 +176,18 @@ def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
 
 
 def macs(net: NetSpec) -> int:
-    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid.
+    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid, dense or hashed.
 
     The encoding, activations and the analytic lobe are not counted.
     """
-    return sum(weight.size for weight in net.weights) + 8 * sum(grid.shape[3] for grid in net.grids)
+    features = (*net.grids, *(each.table for each in net.hashes))
+    return sum(weight.size for weight in net.weights) + 8 * sum(values.shape[-1] for values in features)
 
 
 def byte_count(net: NetSpec) -> int:
     """Bytes of the weights, biases and grids, as stored."""
-    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids))
+    tables = (each.table for each in net.hashes)
+    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids, *tables))
 
 
 def save(net: NetSpec, path: Path | str) -> None:
@@ -222,8 +201,11 @@ def save(net: NetSpec, path: Path | str) -> None:
         tensors[f"layer.{i}.weight"] = np.ascontiguousarray(weight, np.float32)
         tensors[f"layer.{i}.bias"] = np.ascontiguousarray(bias, np.float32)
     tensors |= {f"grid.{i}": np.ascontiguousarray(grid) for i, grid in enumerate(net.grids)}
+    tensors |= {f"hash.{i}": np.ascontiguousarray(each.table) for i, each in enumerate(net.hashes)}
     if net.grids:
         descriptor["grids"] = len(net.grids)
+    if net.hashes:
+        descriptor["hashes"] = [each.cells for each in net.hashes]
     text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
     with store.atomic(Path(path)) as temporary:
         temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
@@ -238,7 +220,9 @@ def load(path: Path | str) -> NetSpec:
             weights = tuple(file.get_tensor(f"layer.{i}.weight") for i in layers)
             biases = tuple(file.get_tensor(f"layer.{i}.bias") for i in layers)
             grids = tuple(file.get_tensor(f"grid.{i}") for i in range(descriptor.pop("grids", 0)))
-        return NetSpec(weights=weights, biases=biases, grids=grids, **descriptor)
+            cells = descriptor.pop("hashes", [])
+            hashes = tuple(HashGrid(each, file.get_tensor(f"hash.{i}")) for i, each in enumerate(cells))
+        return NetSpec(weights=weights, biases=biases, grids=grids, hashes=hashes, **descriptor)
     except FileNotFoundError:
         raise PrtnetError(f"{path}: no such file, expected a trained net; train and export one first") from None
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, PrtnetError) as error:

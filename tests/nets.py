@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from prtnet import netspec, sh
+from prtnet import sh
+from prtnet.encoding import HashGrid, encoded_size
 from prtnet.netspec import NetSpec
 
 
@@ -18,14 +19,14 @@ def random_net(
     groups: int = 1,
     encoding: str = "frequency",
     grids: tuple[np.ndarray, ...] = (),
+    hashes: tuple[HashGrid, ...] = (),
     seed: int = 0,
     **fields: object,
 ) -> NetSpec:
     """He-scaled weights: values keep their size through the layers, as in a trained net."""
     rng = np.random.default_rng(seed)
-    inputs = netspec.encoded_size(position_frequencies, normal_frequencies, encoding) + sum(
-        grid.shape[3] for grid in grids
-    )
+    inputs = encoded_size(position_frequencies, normal_frequencies, encoding)
+    inputs += sum(grid.shape[3] for grid in grids) + sum(each.table.shape[1] for each in hashes)
     sizes = [inputs, *[width] * depth, groups * sh.count(bands)]
     weights = tuple(
         (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
@@ -41,6 +42,7 @@ def random_net(
         groups=groups,
         encoding=encoding,
         grids=grids,
+        hashes=hashes,
         **fields,  # pyright: ignore[reportArgumentType]
     )
 
@@ -48,6 +50,11 @@ def random_net(
 def random_grid(x: int, y: int, z: int, channels: int = 8, kind: str = "float16", seed: int = 0) -> np.ndarray:
     """A grid of features of a NetSpec."""
     return np.random.default_rng(seed).normal(size=(z, y, x, channels)).astype(kind)
+
+
+def random_hash(cells: int, entries: int = 256, channels: int = 4, kind: str = "float16", seed: int = 0) -> HashGrid:
+    """A hashed grid of features of a NetSpec."""
+    return HashGrid(cells, np.random.default_rng(seed).normal(size=(entries, channels)).astype(kind))
 
 
 def random_points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -9,14 +9,15 @@ from safetensors.numpy import save_file
 from scipy.interpolate import RegularGridInterpolator
 
 from prtnet import PrtnetError, netspec, sh
-from tests.nets import random_grid, random_net, random_points
+from prtnet.encoding import HashGrid, encode, encoded_size, hashed, trilinear
+from tests.nets import random_grid, random_hash, random_net, random_points
 
 coordinates = st.floats(-1, 1, width=32)
 
 
 @given(coordinates, st.integers(0, 12))
 def test_encoding_is_the_sine_of_the_exact_argument(x, frequencies):
-    encoded = netspec.encode(np.full((1, 3), x, np.float32), frequencies)[0].reshape(-1, 3)[:, 0]
+    encoded = encode(np.full((1, 3), x, np.float32), frequencies)[0].reshape(-1, 3)[:, 0]
     expected = [x]
     for j in range(frequencies):
         # float64 holds 2^j x / 2 exactly, and its whole turns too
@@ -28,8 +29,8 @@ def test_encoding_is_the_sine_of_the_exact_argument(x, frequencies):
 @given(coordinates, st.integers(1, 12))
 def test_triangle_waves_are_arcsines_of_the_sines(x, frequencies):
     point = np.full((1, 3), x, np.float32)
-    waves = netspec.encode(point, frequencies, "triangle")
-    expected = 2 / np.pi * np.arcsin(netspec.encode(point, frequencies)[:, 3:])
+    waves = encode(point, frequencies, "triangle")
+    expected = 2 / np.pi * np.arcsin(encode(point, frequencies)[:, 3:])
     np.testing.assert_array_equal(waves[:, :3], point)
     # the slope of the arcsine is infinite where a sine is 1
     np.testing.assert_allclose(waves[:, 3:], expected, rtol=0, atol=1e-7)
@@ -37,8 +38,8 @@ def test_triangle_waves_are_arcsines_of_the_sines(x, frequencies):
 
 def test_identity_leaves_the_point_as_it_is():
     positions, _ = random_points(5)
-    np.testing.assert_array_equal(netspec.encode(positions, 7, "identity"), positions)
-    assert netspec.encoded_size(7, 3, "identity") == 6
+    np.testing.assert_array_equal(encode(positions, 7, "identity"), positions)
+    assert encoded_size(7, 3, "identity") == 6
 
 
 def test_grids_are_interpolated_between_the_middles_of_cells():
@@ -48,8 +49,8 @@ def test_grids_are_interpolated_between_the_middles_of_cells():
     positions, _ = random_points(500)
     # scipy refuses what lies outside of the outermost middles: there the value stays as it is
     inside = [np.clip(positions[:, 2 - axis], where[0], where[-1]) for axis, where in enumerate(middles)]
-    np.testing.assert_allclose(netspec.trilinear(grid, positions), oracle(np.stack(inside, 1)), rtol=0, atol=1e-12)
-    corner = netspec.trilinear(grid, np.array([[1.0, -1.0, 1.0]]))
+    np.testing.assert_allclose(trilinear(grid, positions), oracle(np.stack(inside, 1)), rtol=0, atol=1e-12)
+    corner = trilinear(grid, np.array([[1.0, -1.0, 1.0]]))
     np.testing.assert_array_equal(corner[0], grid[-1, 0, -1])
 
 
@@ -57,8 +58,8 @@ def test_features_follow_the_encoded_normal():
     grids = (random_grid(2, 3, 4), random_grid(3, 1, 1, channels=4, seed=1))
     net = random_net(depth=0, output="linear", bands=2, output_scale=1.0, grids=grids)
     positions, normals = random_points(9)
-    parts = [netspec.encode(positions, 3), netspec.encode(normals, 2)]
-    inputs = np.concatenate([*parts, *[netspec.trilinear(grid, positions) for grid in grids]], 1)
+    parts = [encode(positions, 3), encode(normals, 2)]
+    inputs = np.concatenate([*parts, *[trilinear(grid, positions) for grid in grids]], 1)
     expected = inputs @ net.weights[0].T.astype(float) + net.biases[0]
     np.testing.assert_allclose(netspec.evaluate_unit(net, positions, normals), expected, atol=2e-6)
 
@@ -68,6 +69,53 @@ def test_fetches_and_bytes_of_grids_are_counted():
     net, inputs = random_net(width=8, depth=1, bands=2, grids=grids), 6 + 6 * 5 + 12
     assert netspec.macs(net) == inputs * 8 + 8 * 4 + 8 * (8 + 4)
     assert netspec.byte_count(net) == 4 * (inputs * 8 + 8 + 8 * 4 + 4) + 2 * 24 * 8 + 4 * 5 * 4
+
+
+def test_a_hashed_grid_is_linear_between_the_entries_of_its_corners():
+    """Against integers of Python, which have no width."""
+    grid = random_hash(5, entries=256)
+    positions = np.concatenate([random_points(50)[0], [[1, -1, 0.2]], [[-0.4, 0.4, 0]]]).astype(np.float64)
+
+    def feature(corner):
+        primes = [corner[axis] % 2**32 * prime % 2**32 for axis, prime in enumerate((1, 2654435761, 805459861))]
+        return grid.table[(primes[0] ^ primes[1] ^ primes[2]) % 256].astype(float)
+
+    for position, found in zip(positions, hashed(grid, positions), strict=True):
+        place = [2.5 * x for x in position.tolist()]
+        total = np.zeros(4)
+        for step in np.ndindex(2, 2, 2):
+            corner = [int(np.floor(x)) + s for x, s in zip(place, step, strict=True)]
+            total += np.prod([max(0.0, 1 - abs(x - c)) for x, c in zip(place, corner, strict=True)]) * feature(corner)
+        np.testing.assert_allclose(found, total, rtol=0, atol=1e-12)
+
+
+def test_hashed_grids_are_counted_and_come_back_from_the_file(tmp_path):
+    hashes = (random_hash(48), random_hash(128, 512, 8, "float32"))
+    plain, net = random_net(), random_net(hashes=hashes)
+    assert netspec.macs(net) - netspec.macs(plain) == 12 * 8 + 8 * 12
+    assert netspec.byte_count(net) - netspec.byte_count(plain) == 4 * 12 * 8 + 2 * 256 * 4 + 4 * 512 * 8
+    netspec.save(net, tmp_path / "a")
+    again = netspec.load(tmp_path / "a")
+    for found, expected in zip(again.hashes, hashes, strict=True):
+        assert found.cells == expected.cells
+        assert found.table.dtype == expected.table.dtype
+        np.testing.assert_array_equal(found.table, expected.table)
+    netspec.save(plain, tmp_path / "b")
+    assert b"hash" not in (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (random_hash(4, entries=100), r"hash: found 4 cells, \(100, 4\) in float16, expected .*2\^m entries"),
+        (random_hash(0), "found 0 cells"),
+        (random_hash(4, channels=6), "4 n channels"),
+        (HashGrid(4, np.full((4, 4), np.nan, np.float32)), "hash: found NaN or infinity"),
+    ],
+)
+def test_hashed_grids_that_mean_nothing_are_refused(grid, message):
+    with pytest.raises(PrtnetError, match=message):
+        replace(random_net(), hashes=(grid,))
 
 
 def test_grids_come_back_from_the_file_in_their_type(tmp_path):
@@ -101,14 +149,14 @@ def test_grids_that_mean_nothing_are_refused(grid, message):
 @given(st.integers(-1024, 1024), st.integers(1, 10))
 def test_encoding_has_the_period_of_its_octave(steps, j):
     x, period = steps / 1024, 4.0 / 2**j
-    first, second = (netspec.encode(np.full((1, 3), value), j)[0, -6:] for value in (x, x + period))
+    first, second = (encode(np.full((1, 3), value), j)[0, -6:] for value in (x, x + period))
     np.testing.assert_allclose(first, second, rtol=0, atol=1e-12)
 
 
 def test_evaluate_is_the_written_formula():
     net = random_net(width=5, depth=1, activation="silu", output="tanh", residual=True, bands=3, output_scale=2.0)
     positions, normals = random_points(7)
-    inputs = np.concatenate([netspec.encode(positions, 3), netspec.encode(normals, 2)], 1)
+    inputs = np.concatenate([encode(positions, 3), encode(normals, 2)], 1)
     hidden = inputs @ net.weights[0].T.astype(float) + net.biases[0]
     hidden = hidden / (1 + np.exp(-hidden))
     expected = 2.0 * np.tanh(hidden @ net.weights[1].T.astype(float) + net.biases[1])

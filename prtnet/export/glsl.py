@@ -5,7 +5,8 @@
 `position` is the centred position in [-1, 1]^3, `normal` the unit world normal, and `t0.x, t0.y, ...` the SH
 coefficients of the transfer, the last vector padded with 0. Each layer is h = b + mat4(...) * x0 + mat4(...) * x1 + ...
 over vec4s. Sine and cosine are polynomials of the reduced argument in turns, since those of some drivers
-are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ... (`prtnet.export.grid`).
+are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ... (`prtnet.export.grid`),
+hashed ones prt_hash0, ... (`prtnet.export.hash_grid`).
 """
 
 import math
@@ -20,7 +21,7 @@ import numpy as np
 from jaxtyping import Int
 
 from prtnet import PrtnetError, netspec, sh
-from prtnet.export import grid
+from prtnet.export import grid, hash_grid
 from prtnet.export.spelling import grouped, number, quads, vector, zonal_harmonics
 from prtnet.netspec import NetSpec
 
@@ -41,7 +42,7 @@ def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str
     lines = [_header(net)]
     if version.endswith("es"):
         lines += ["precision highp float;", "precision highp int;"]
-    lines += grid.declarations(net) + _helpers(net)
+    lines += grid.declarations(net) + hash_grid.declarations(net) + _helpers(net)
     lines += [f"void prt_transfer(vec3 position, vec3 normal, {_outputs(net)}) {{"]
     lines += [f"  {line}" for line in _body(net)]
     return "\n".join(lines) + "\n}\n"
@@ -191,6 +192,7 @@ def _body(net: NetSpec) -> Iterator[str]:
     for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
         yield from _encoding(letter, frequencies if net.encoding != "identity" else 0, names)
     yield from grid.statements(net, names)
+    yield from hash_grid.statements(net, names)
     for i, group in enumerate(grouped(names)):
         yield f"vec4 x0_{i} = {group};"
     for layer in range(len(net.weights)):

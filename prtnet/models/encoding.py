@@ -1,4 +1,4 @@
-"""Encodings of positions and normals, the torch twins of `prtnet.netspec.encode` and `trilinear`.
+"""Encodings of positions and normals, the torch twins of `prtnet.encoding`.
 
 gamma(x) = (x, s(f_0), c(f_0), s(f_1), ...), f_j = fract(2^j x / 2): waves over octaves, with the argument in turns so
 that float32 stays exact at any frequency.
@@ -12,11 +12,13 @@ identity   x alone.
 import math
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from prtnet.encoding import PRIMES
 from prtnet.models import kernels
 
 
@@ -50,6 +52,23 @@ def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -
     return found[0, :, :, 0, 0].T
 
 
+def hashed(table: Float[Tensor, "entries c"], cells: int, positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
+    """Channels of a hashed grid of `cells` along each axis of [-1, 1]^3; as `trilinear` on CUDA."""
+    if table.device.type == "cpu":
+        found = _Hashed.apply(table, cells, positions)
+        assert isinstance(found, Tensor)
+        return found
+    place = positions * (cells / 2)
+    low = place.floor()
+    steps = torch.tensor(list(np.ndindex(2, 2, 2)), device=table.device)
+    share = (place - low)[:, None]
+    weights = torch.where(steps.bool(), share, 1 - share).prod(2)
+    # 64-bit products have the low 32 bits of the unsigned ones, and only the lowest bits are looked at
+    x, y, z = ((low.long()[:, None] + steps) * torch.tensor(PRIMES, device=table.device)).unbind(2)
+    entry = (x ^ y ^ z) & (len(table) - 1)
+    return (table[entry] * weights[:, :, None]).sum(1)
+
+
 class _Trilinear(torch.autograd.Function):
     """Channels of a float32 grid (z, y, x, c) at positions in [-1, 1]^3, "n 3"; differentiable in the grid alone."""
 
@@ -68,3 +87,25 @@ class _Trilinear(torch.autograd.Function):
         total = torch.zeros(ctx.shape)
         kernels.scatter(gradients[0].float().contiguous().numpy(), places.numpy(), total.numpy())
         return total, None
+
+
+class _Hashed(torch.autograd.Function):
+    """`hashed` of a float32 table; differentiable in the table alone."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, table: Float[Tensor, "entries c"], cells: int, positions: Float[Tensor, "n 3"]
+    ) -> Float[Tensor, "n c"]:
+        places = positions.detach().float().contiguous()
+        found = torch.empty(len(places), table.shape[1])
+        kernels.gather_hashed(table.detach().contiguous().numpy(), cells, places.numpy(), found.numpy())
+        ctx.save_for_backward(places)
+        ctx.shape, ctx.cells = table.shape, cells
+        return found
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        (places,) = ctx.saved_tensors
+        total = torch.zeros(ctx.shape)
+        kernels.scatter_hashed(gradients[0].float().contiguous().numpy(), ctx.cells, places.numpy(), total.numpy())
+        return total, None, None

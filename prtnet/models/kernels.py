@@ -1,8 +1,9 @@
-"""Trilinear look-ups in a grid of features and their gradient, compiled for the CPU.
+"""Trilinear look-ups in grids of features and their gradients, compiled for the CPU.
 
 torch's own grid_sample takes as long for two small grids as all layers of a 64 x 4 net together; these loops, which
 run over the channels of a cell side by side in memory, take a tenth of that. Sums are in the order of the points, so
-equal inputs give equal bytes. The plain twin of `gather` is `prtnet.netspec.trilinear`.
+equal inputs give equal bytes. The plain twins of `gather` and `gather_hashed` are
+`trilinear` and `hashed` of `prtnet.encoding`.
 """
 
 import numpy as np
@@ -46,3 +47,51 @@ def scatter(gradient, positions, total):
             weight = (x if corner & 1 else 1 - x) * (y if corner & 2 else 1 - y) * (z if corner & 4 else 1 - z)
             for channel in range(channels):
                 total[k, j, i, channel] += np.float32(weight) * gradient[point, channel]
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _corner(position, half):
+    """Of one axis: the corner at or below a position, counted from the cube's middle, and the share of the next one."""
+    place = position * half
+    low = np.floor(place)
+    return np.int32(low), place - low
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _slot(x, y, z, mask):
+    """`prtnet.encoding.slot`."""
+    return (np.uint32(x) ^ (np.uint32(y) * np.uint32(2654435761)) ^ (np.uint32(z) * np.uint32(805459861))) & mask
+
+
+@njit(nogil=True, cache=True)
+def gather_hashed(table, cells, positions, found):
+    entries, channels = table.shape
+    half, mask = np.float32(cells) * np.float32(0.5), np.uint32(entries - 1)
+    for point in range(len(positions)):
+        x0, x = _corner(positions[point, 0], half)
+        y0, y = _corner(positions[point, 1], half)
+        z0, z = _corner(positions[point, 2], half)
+        for channel in range(channels):
+            found[point, channel] = 0
+        for corner in range(8):
+            i, j, k = corner & 1, (corner >> 1) & 1, (corner >> 2) & 1
+            weight = (x if i else 1 - x) * (y if j else 1 - y) * (z if k else 1 - z)
+            entry = _slot(x0 + i, y0 + j, z0 + k, mask)
+            for channel in range(channels):
+                found[point, channel] += np.float32(weight) * table[entry, channel]
+
+
+@njit(nogil=True, cache=True)
+def scatter_hashed(gradient, cells, positions, total):
+    entries, channels = total.shape
+    half, mask = np.float32(cells) * np.float32(0.5), np.uint32(entries - 1)
+    for point in range(len(positions)):
+        x0, x = _corner(positions[point, 0], half)
+        y0, y = _corner(positions[point, 1], half)
+        z0, z = _corner(positions[point, 2], half)
+        for corner in range(8):
+            i, j, k = corner & 1, (corner >> 1) & 1, (corner >> 2) & 1
+            weight = (x if i else 1 - x) * (y if j else 1 - y) * (z if k else 1 - z)
+            entry = _slot(x0 + i, y0 + j, z0 + k, mask)
+            for channel in range(channels):
+                total[entry, channel] += np.float32(weight) * gradient[point, channel]

@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from prtnet import sh
-from prtnet.models.encoding import encode, trilinear
+from prtnet.encoding import HashGrid
+from prtnet.models.encoding import encode, hashed, trilinear
 from prtnet.models.recipe import ModelOptions, TrainOptions, layer_sizes
 from prtnet.netspec import NetSpec
 
@@ -40,12 +41,17 @@ class Mlp(nn.Module):
         self.grids = nn.ParameterList(
             _uniform((z, y, x, head.grid_channels), 1, generator, 1e-4) for x, y, z in head.grid_cells
         )
+        self.tables = nn.ParameterList(
+            _uniform((head.hash_entries, head.hash_channels), 1, generator, 1e-4) for _ in head.hash_cells
+        )
 
     def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
         head = self.head
         position = encode(positions, head.position_frequencies, head.encoding)
         normal = encode(normals, head.normal_frequencies, head.encoding)
-        h = torch.cat([position, normal, *[trilinear(grid, positions) for grid in self.grids]], 1)
+        features = [trilinear(grid, positions) for grid in self.grids]
+        features += [hashed(*pair, positions) for pair in zip(self.tables, head.hash_cells, strict=True)]
+        h = torch.cat([position, normal, *features], 1)
         weights, biases = self._carried()
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
             h = self._bend(functional.linear(h, weight, bias))
@@ -99,7 +105,9 @@ class Mlp(nn.Module):
         """
         head, hidden = self.head, len(self.weights) - 1
         arrays = [p.detach().cpu().float().numpy().copy() for p in parameters or self.parameters()]
-        layers, grids = arrays[: 2 * hidden + 2], arrays[2 * hidden + 2 :]
+        layers, features = arrays[: 2 * hidden + 2], arrays[2 * hidden + 2 :]
+        features = [each.astype(head.grid_format) for each in features]
+        grids, tables = features[: len(self.grids)], features[len(self.grids) :]
         if head.activation == "sine":
             # sin(omega (W h + b)) is sin(W h + b) of larger weights: the file needs no omega
             for index in (*range(hidden), *range(hidden + 1, 2 * hidden + 1)):
@@ -120,7 +128,8 @@ class Mlp(nn.Module):
             scale=scale,
             name=name,
             encoding=head.encoding,
-            grids=tuple(grid.astype(head.grid_format) for grid in grids),
+            grids=tuple(grids),
+            hashes=tuple(map(HashGrid, head.hash_cells, tables)),
         )
 
 

@@ -3,7 +3,8 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from prtnet import PrtnetError, netspec
+from prtnet import PrtnetError
+from prtnet.encoding import encoded_size
 
 
 @dataclass
@@ -32,7 +33,11 @@ class TrainOptions:
     # dense grids of features over [-1, 1]^3 beside the encoding, one for each [x, y, z] number of cells
     grid_cells: list[list[int]] = field(default_factory=list)
     grid_channels: int = 8  # of each grid, a multiple of 4
-    grid_format: str = "float16"  # of its values in the net: float16 | float32
+    grid_format: str = "float16"  # of the values of grids in the net, dense or hashed: float16 | float32
+    # finer grids of so many cells along each axis, whose corners share the entries of a table by a hash
+    hash_cells: list[int] = field(default_factory=list)
+    hash_entries: int = 16384  # of each table, a power of two
+    hash_channels: int = 4  # of each table, a multiple of 4
     # what is minimised
     loss: str = "huber"  # of coefficients: l1 | l2 | huber; or projection (on the sphere) | radiance (under lights)
     huber_delta: float = 0.02  # of huber, in units of t / pi; of radiance, where an open surface shows about 1
@@ -86,14 +91,18 @@ def published() -> TrainOptions:
 
 # options that came later: recipes that leave them at their defaults keep the keys of their nets
 _LATER = ("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format")
+_LATER += ("hash_cells", "hash_entries", "hash_channels")
 
 MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
+
+HASH_ENTRIES = (256, 1 << 18)  # of a table, least and most: a row of its texture, and a texture of any driver
+MAX_HASH_CELLS = 1024  # along an axis: float32 still says where in a cell of these a point is
 
 
 def layer_sizes(model: ModelOptions, options: TrainOptions, outputs: int) -> list[int]:
     """Numbers that enter the first layer, of each hidden layer, and of the outputs."""
-    inputs = netspec.encoded_size(options.position_frequencies, options.normal_frequencies, options.encoding)
-    inputs += options.grid_channels * len(options.grid_cells)
+    inputs = encoded_size(options.position_frequencies, options.normal_frequencies, options.encoding)
+    inputs += options.grid_channels * len(options.grid_cells) + options.hash_channels * len(options.hash_cells)
     return [inputs, *[model.width] * model.depth, outputs]
 
 
@@ -123,6 +132,7 @@ def check(options: TrainOptions) -> None:
         if found not in allowed:
             raise PrtnetError(f"train.{name}: found {found!r}, expected one of {', '.join(allowed)}")
     _check_grids(options)
+    _check_hashes(options)
     for name in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega", "loss_samples"):
         if not getattr(options, name) > 0:
             raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected more than 0")
@@ -131,6 +141,18 @@ def check(options: TrainOptions) -> None:
             raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected 0 or more, and less than 1")
     if options.steps is not None and options.steps < 1:
         raise PrtnetError(f"train.steps: found {options.steps}, expected 1 or more, or null")
+
+
+def _check_hashes(options: TrainOptions) -> None:
+    entries, channels, found = options.hash_entries, options.hash_channels, options.hash_cells
+    least, most = HASH_ENTRIES
+    if not least <= entries <= most or entries & (entries - 1):
+        raise PrtnetError(f"train.hash_entries: found {entries}, expected a power of two from {least} to {most}")
+    if channels < 4 or channels % 4:
+        raise PrtnetError(f"train.hash_channels: found {channels}, expected a multiple of 4: a texel has four")
+    if len(found) > MAX_GRIDS or any(not 1 <= cells <= MAX_HASH_CELLS for cells in found):
+        expected = f"at most {MAX_GRIDS} numbers of cells from 1 to {MAX_HASH_CELLS}"
+        raise PrtnetError(f"train.hash_cells: found {list(found)}, expected {expected}")
 
 
 def _check_grids(options: TrainOptions) -> None:

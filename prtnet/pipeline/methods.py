@@ -119,5 +119,12 @@ def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Ra
         "bake_seconds": points.training.facts["seconds"],
         "train_seconds": trained.facts["cpu_seconds"],
     }
-    shaded = NetMethod(drawing, shader, material=job.material, groups=job.groups, grids=trained.net.grids)
+    shaded = NetMethod(
+        drawing,
+        shader,
+        material=job.material,
+        groups=job.groups,
+        grids=trained.net.grids,
+        hashes=trained.net.hashes,
+    )
     return Drawn(shaded, lambda pixels: costs)

@@ -11,9 +11,10 @@ from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, gl, sh
 from prtnet.data.texture import Page, page_of
-from prtnet.export import gloss, grid
+from prtnet.encoding import HashGrid
+from prtnet.export import gloss
 from prtnet.export.spelling import number, vector
-from prtnet.render import reflectance
+from prtnet.render import features, reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
 from prtnet.render.raster import Group, Raster
@@ -21,7 +22,7 @@ from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
 
-GRID_UNIT = 8  # texture units from here on are for the grids of a net
+GRID_UNIT = 8  # texture units from here on are for the grids of a net, at most eight
 
 
 class Shaded:
@@ -200,7 +201,7 @@ class TextureMethod(Shaded):
 class NetMethod(Shaded):
     """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel.
 
-    `grids` are those of its net.
+    `grids` and `hashes` are those of its net.
     """
 
     def __init__(
@@ -211,8 +212,9 @@ class NetMethod(Shaded):
         material: Material = DIFFUSE,
         groups: int = 1,
         grids: Sequence[Float[Array, "_ _ _ _"]] = (),
+        hashes: Sequence[HashGrid] = (),
     ):
-        self._volumes = [gl.upload_volume(grid.texels(values)) for values in grids]
+        self._features = features.upload(grids, hashes)
         signature = re.search(r"void\s+prt_transfer\s*\(([^)]*)\)", function)
         outputs = signature.group(1).count("out vec4") if signature else 0
         if not outputs:
@@ -226,9 +228,9 @@ class NetMethod(Shaded):
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
-        for index, volume in enumerate(self._volumes):
-            volume.use(GRID_UNIT + index)
-            gl.put(self.program, **{grid.name(index): GRID_UNIT + index})
+        for unit, (name, texture) in enumerate(self._features.items(), GRID_UNIT):
+            texture.use(unit)
+            gl.put(self.program, **{name: unit})
         super().render(camera, prepass=prepass)
 
 

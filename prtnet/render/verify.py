@@ -1,14 +1,15 @@
 """Runs an exported net on the GL driver and compares it with its NumPy twin."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from prtnet import gl, netspec, sh
-from prtnet.export import glsl, grid
+from prtnet.export import glsl
 from prtnet.netspec import NetSpec
+from prtnet.render import features
 
 Array = np.ndarray
 
@@ -40,12 +41,15 @@ def random_points(count: int, rng: np.random.Generator) -> tuple[Float[Array, "n
 def run(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
     """The coefficients that the function text `source` gives on the driver, one pixel a point."""
     side = math.isqrt(max(len(positions) - 1, 0)) + 1
-    textures = {"positions": _image(positions, side), "normals": _image(normals, side)}
-    volumes = {grid.name(i): grid.texels(values) for i, values in enumerate(net.grids)}
+    textures: dict[str, Any] = {
+        "positions": gl.upload(_image(positions, side)),
+        "normals": gl.upload(_image(normals, side)),
+    }
+    textures |= features.upload(net.grids, net.hashes)
     layers = []
     for first in range(0, glsl.vectors(net), _ATTACHMENTS):
         count = min(_ATTACHMENTS, glsl.vectors(net) - first)
-        layers += _draw(glsl.around(net, source, first=first), textures, volumes, count)
+        layers += _draw(glsl.around(net, source, first=first), side, textures, count)
     flat = np.concatenate(layers, axis=2).reshape(side * side, net.groups, -1)
     return flat[: len(positions), :, : sh.count(net.bands)].reshape(len(positions), -1)
 
@@ -56,15 +60,10 @@ def _image(points: Float[Array, "n 3"], side: int) -> Float[Array, "s s 4"]:
     return image.reshape(side, side, 4)
 
 
-def _draw(
-    fragment: str, textures: dict[str, Array], volumes: dict[str, Array], layers: int
-) -> list[Float[Array, "s s 4"]]:
+def _draw(fragment: str, side: int, textures: dict[str, Any], layers: int) -> list[Float[Array, "s s 4"]]:
     program = gl.program(gl.shader("fullscreen.vert.glsl"), fragment)
-    side = len(textures["positions"])
     target = gl.target(side, side, layers)
-    uploaded = {name: gl.upload(image) for name, image in textures.items()}
-    uploaded |= {name: gl.upload_volume(volume) for name, volume in volumes.items()}
-    for unit, (name, texture) in enumerate(uploaded.items()):
+    for unit, (name, texture) in enumerate(textures.items()):
         texture.use(unit)
         gl.put(program, **{name: unit})
     gl.fullscreen(program, target)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from prtnet import PrtnetError
 from prtnet.export import glsl
-from tests.nets import random_grid, random_net
+from tests.nets import random_grid, random_hash, random_net
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
@@ -32,6 +32,7 @@ def test_literals_read_back_as_the_same_float32(value):
         {"activation": "sine", "encoding": "frequency"},
         {"activation": "relu", "encoding": "identity"},
         {"grids": (random_grid(5, 4, 3), random_grid(2, 2, 2, channels=4))},
+        {"hashes": (random_hash(48, channels=8), random_hash(128))},
         {"activation": "silu", "output": "linear", "residual": True, "bands": 7},
         {"bands": 1, "residual": True, "position_frequencies": 0, "normal_frequencies": 0, "output_scale": 1.0},
     ],

@@ -4,25 +4,25 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prtnet import netspec
-from prtnet.models.encoding import encode, trilinear
-from tests.nets import random_grid, random_points
+from prtnet import encoding as twin
+from prtnet.models.encoding import encode, hashed, trilinear
+from tests.nets import random_grid, random_hash, random_points
 
 
-@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
+@pytest.mark.parametrize("encoding", twin.ENCODINGS)
 @given(st.lists(st.floats(-1, 1, width=32), min_size=3, max_size=3), st.integers(0, 12))
 def test_torch_encodes_as_numpy_does(encoding, point, frequencies):
     x = np.array([point], np.float32)
     found = encode(torch.from_numpy(x), frequencies, encoding).numpy()
     assert found.dtype == np.float32
-    np.testing.assert_allclose(found, netspec.encode(x, frequencies, encoding), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found, twin.encode(x, frequencies, encoding), rtol=0, atol=1e-6)
 
 
 def test_torch_reads_grids_as_numpy_does():
     grid = random_grid(5, 3, 2, kind="float32")
     positions = np.concatenate([random_points(500)[0], [[1, 1, 1], [-1, -1, -1], [0, 0, 0]]]).astype(np.float32)
     found = trilinear(torch.from_numpy(grid), torch.from_numpy(positions)).numpy()
-    np.testing.assert_allclose(found, netspec.trilinear(grid, positions), rtol=0, atol=3e-6)
+    np.testing.assert_allclose(found, twin.trilinear(grid, positions), rtol=0, atol=3e-6)
 
 
 def test_the_gradient_of_a_grid_is_that_of_a_double_precision_sum():
@@ -35,14 +35,31 @@ def test_the_gradient_of_a_grid_is_that_of_a_double_precision_sum():
     for place in np.ndindex(*grid.shape[:3]):
         one = np.zeros((*grid.shape[:3], 4), np.float32)
         one[place] = 1
-        expected = netspec.trilinear(one, positions)[:, 0] @ towards
+        expected = twin.trilinear(one, positions)[:, 0] @ towards
         np.testing.assert_allclose(grid.grad[place].numpy(), expected, rtol=0, atol=2e-5)
+
+
+@pytest.mark.parametrize(("cells", "channels"), [(48, 4), (1000, 8)])
+def test_torch_reads_hashed_grids_as_numpy_does(cells, channels):
+    grid = random_hash(cells, channels=channels, kind="float32")
+    positions = np.concatenate([random_points(500)[0], [[1, 1, 1], [-1, -1, -1], [0, 0, 0]]]).astype(np.float32)
+    table = torch.from_numpy(grid.table).requires_grad_()
+    found = hashed(table, cells, torch.from_numpy(positions))
+    np.testing.assert_allclose(found.detach().numpy(), twin.hashed(grid, positions), rtol=0, atol=4e-7 * cells)
+    towards = np.random.default_rng(1).normal(size=found.shape)
+    found.backward(torch.from_numpy(towards.astype(np.float32)))
+    assert table.grad is not None
+    for entry in range(0, 256, 17):
+        one = np.zeros((256, 4), np.float32)
+        one[entry] = 1
+        expected = twin.hashed(twin.HashGrid(cells, one), positions)[:, 0] @ towards
+        np.testing.assert_allclose(table.grad[entry].numpy(), expected, rtol=0, atol=2e-6 * cells)
 
 
 def test_high_octaves_stay_exact_in_float32():
     """The naive sin(2^j pi x) in float32 is off by 1e-3 here."""
     x = np.float32(0.9999) * np.ones((1, 3), np.float32)
     naive = np.sin(np.float32(np.pi) * np.float32(2.0**15) * x)
-    exact = netspec.encode(x, 16)[:, -6:-3]
+    exact = twin.encode(x, 16)[:, -6:-3]
     assert np.abs(naive - exact).max() > 1e-3
     assert np.abs(encode(torch.from_numpy(x), 16).numpy()[:, -6:-3] - exact).max() < 1e-6

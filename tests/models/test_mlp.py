@@ -3,6 +3,7 @@ import pytest
 import torch
 
 from prtnet import netspec, sh
+from prtnet.encoding import ENCODINGS
 from prtnet.models.mlp import SCALE, Mlp
 from prtnet.models.recipe import ModelOptions, TrainOptions, published
 from tests.nets import random_points
@@ -25,7 +26,7 @@ def test_torch_and_its_spec_agree(activation, output, residual):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("encoding", netspec.ENCODINGS)
+@pytest.mark.parametrize("encoding", ENCODINGS)
 def test_torch_and_its_spec_agree_on_the_encoding(encoding):
     net = _net(TrainOptions(encoding=encoding, activation="relu"))
     positions, normals = random_points(200)
@@ -51,6 +52,20 @@ def test_torch_and_its_spec_agree_on_grids(kind, activation):
     assert [grid.shape for grid in spec.grids] == [(4, 3, 2, 4), (2, 1, 5, 4)]
     assert {str(grid.dtype) for grid in spec.grids} == {kind}
     np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals), rtol=0, atol=1e-5)
+
+
+def test_torch_and_its_spec_agree_on_hashed_grids():
+    net = _net(TrainOptions(grid_cells=[[2, 3, 4]], hash_cells=[9, 30], hash_entries=256, hash_channels=8))
+    with torch.no_grad():
+        for table in net.tables:
+            assert 0 < table.abs().max() <= 1e-4
+            table.copy_((4 * torch.randn(table.shape, generator=torch.Generator().manual_seed(0))).round() / 4)
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    spec = net.spec()
+    assert [(each.cells, each.table.shape) for each in spec.hashes] == [(9, (256, 8)), (30, (256, 8))]
+    np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals), rtol=0, atol=3e-5)
 
 
 @pytest.mark.parametrize("omega", [1.0, 30.0])

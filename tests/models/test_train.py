@@ -72,7 +72,13 @@ VARIANTS = {
     "adam": SHORT,
     "soap": replace(SHORT, optimiser="soap"),
     "muon": replace(
-        SHORT, optimiser="muon", average=0.95, precision="bfloat16", loss="radiance", grid_cells=[[4, 3, 2]]
+        SHORT,
+        optimiser="muon",
+        average=0.95,
+        precision="bfloat16",
+        loss="radiance",
+        grid_cells=[[4, 3, 2]],
+        hash_cells=[8],
     ),
 }
 

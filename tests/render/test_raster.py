@@ -13,7 +13,7 @@ from prtnet.render.gbuffer import shade
 from prtnet.render.material import Material
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
-from tests.nets import random_grid, random_net
+from tests.nets import random_grid, random_hash, random_net
 from tests.render.meshes import atlas_uv, bilinear, quad, scene, sphere
 
 SIZE = 96
@@ -255,12 +255,18 @@ def test_four_groups_in_a_texture_and_in_a_net_agree_with_numpy(specular):
 
 def test_a_net_with_grids_is_drawn_as_numpy_evaluates_it():
     raster, light = ball(), random_light(9)
-    net = random_net(bands=3, output="linear", residual=True, grids=(random_grid(6, 5, 4), random_grid(2, 3, 2, 4)))
-    drawn = NetMethod(raster, glsl.emit(net), grids=net.grids).draw(EYE, light)
+    net = random_net(
+        bands=3,
+        output="linear",
+        residual=True,
+        grids=(random_grid(6, 5, 4), random_grid(2, 3, 2, 4)),
+        hashes=(random_hash(20),),
+    )
+    drawn = NetMethod(raster, glsl.emit(net), grids=net.grids, hashes=net.hashes).draw(EYE, light)
     found = raster.gbuffer(EYE)
     expected = shade(found, netspec.evaluate_unit(net, found.positions, found.normals), light)
     assert np.percentile(np.abs(drawn - expected), 99.5) < 1e-4 * np.abs(expected).max()
-    unbound = NetMethod(raster, glsl.emit(net), grids=net.grids[::-1]).draw(EYE, light)
+    unbound = NetMethod(raster, glsl.emit(net), grids=net.grids[::-1], hashes=net.hashes).draw(EYE, light)
     assert np.percentile(np.abs(unbound - expected), 99.5) > 0.1 * np.abs(expected).max()
 
 

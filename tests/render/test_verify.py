@@ -4,7 +4,7 @@ import pytest
 from prtnet.export import glsl, grid
 from prtnet.netspec import NetSpec
 from prtnet.render import verify
-from tests.nets import random_grid, random_net
+from tests.nets import random_grid, random_hash, random_net
 
 HEADS = [
     {"activation": "leaky_relu", "output": "tanh"},
@@ -51,6 +51,19 @@ def test_grids_are_fetched_as_numpy_interpolates(kind):
     positions[:8] = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
     positions[8:400] = np.round(positions[8:400] * 8) / 8
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+
+
+@pytest.mark.parametrize("kind", ["float16", "float32"])
+def test_hashed_grids_are_fetched_as_numpy_hashes(kind):
+    """Both signs, corners of the cube, and places on corners of cells."""
+    hashes = (random_hash(128, 512, 8, kind), random_hash(7, 256, 4, kind))
+    net = random_net(width=16, grids=(random_grid(3, 2, 2),), hashes=hashes)
+    positions, normals = verify.random_points(3000, np.random.default_rng(6))
+    positions[:8] = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)
+    positions[8:400] = np.round(positions[8:400] * 24) / 24
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
+    wrong = glsl.emit(net).replace("805459861u", "805459863u")
+    assert verify.glsl_error(net, wrong, positions, normals).highest > 0.1
 
 
 def test_the_texture_of_a_grid_has_blocks_of_four_channels():

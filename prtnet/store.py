@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,16 +42,25 @@ def file_digest(path: Path) -> str:
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends well, and is deleted when it does not."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """A temporary path beside `path` that takes its place when the block ends well, and is deleted when it does not.
+
+    Raises PrtnetError where the folder cannot be written or is full.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+    except (OSError, safetensors.SafetensorError) as error:
+        raise PrtnetError(
+            f"{path}: could not be written ({error}), expected a folder that can be written and has space left; make"
+            " room, or choose another with out= and cache="
+        ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -111,7 +120,7 @@ class Store:
             record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
             if path.stat().st_size == record["bytes"] and file_digest(path) == record["sha256"]:
                 return Artifact(path, record["facts"])
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             if not path.exists():
                 return None
         except (ValueError, KeyError) as error:
@@ -124,8 +133,8 @@ class Store:
     ) -> Artifact:
         """Keep what `write(path)` writes: first the file, then the record that makes it count."""
         path = self.path(stage, inputs)
-        path.with_suffix(".json").unlink(missing_ok=True)
         with atomic(path) as temporary:
+            path.with_suffix(".json").unlink(missing_ok=True)
             write(temporary)
         record = {
             "stage": stage,

@@ -103,3 +103,26 @@ def test_load_arrays_names_the_file(tmp_path):
     (tmp_path / "text.safetensors").write_text(json.dumps({"no": "tensor"}))
     with pytest.raises(PrtnetError, match=r"text\.safetensors"):
         store.load_arrays(tmp_path / "text.safetensors")
+
+
+@pytest.mark.parametrize("stage", ["texture", "blocked"])
+def test_a_folder_that_cannot_be_written_is_named(stage, tmp_path):
+    (tmp_path / "blocked").write_text("a file")
+    shelf = store.Store(tmp_path / "blocked" if stage == "texture" else tmp_path)
+    with pytest.raises(PrtnetError, match=r"blocked/.*: could not be written .*expected a folder.*cache="):
+        shelf.make(stage, {"size": 1}, lambda: ({"a": np.zeros(3)}, {}))
+    assert [path.name for path in tmp_path.iterdir()] == ["blocked"]
+
+
+def test_a_write_that_fails_leaves_what_was_there(tmp_path):
+    path = tmp_path / "kept"
+    path.write_text("before")
+
+    def fail():
+        with store.atomic(path) as temporary:
+            temporary.write_text("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(PrtnetError, match="No space left"):
+        fail()
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("kept", "before")]

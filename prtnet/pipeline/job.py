@@ -88,7 +88,6 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     reflectance.check(_material(config), loaded)
     base = Path(config.out or f"runs/{loaded.name}")
     out = base / sweep_point if sweep_point else base
-    out.mkdir(parents=True, exist_ok=True)
     store = Store(Path(config.cache) if config.cache else base / "cache")
     log.info("%s: %d triangles in %d parts -> %s", loaded.name, len(loaded.faces), len(loaded.materials), out)
     write_text(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))

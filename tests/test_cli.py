@@ -59,6 +59,10 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
         ("material.specular=[0.5,0.5]", ["material.specular", "[0.5, 0.5]", "3"]),
         ("material.product=triple", ["material.product", "triple", "fixed_light, full"]),
         ("material.diffuse=-1", ["material.diffuse", "-1"]),
+        ("samples.count=0", ["samples.count", "0", "at least 1"]),
+        ("train.patience=-1", ["train.patience", "-1"]),
+        ("stages=[train] model.width=300000 model.depth=4", ["300000", "GB of memory", "lower model.width"]),
+        ("train.learning_rate=1e9 train.matrix_rate=1e9 train.steps=400", ["diverged", "lower train.learning_rate"]),
     ],
 )
 def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
@@ -68,6 +72,16 @@ def test_errors_are_messages_not_tracebacks(argument, words, tmp_path):
     assert message.startswith("prtnet: ")
     assert all(word in message for word in words)
     assert "Traceback" not in done.stderr
+    assert not list((tmp_path / "cache" / "net").glob("*"))
+
+
+@pytest.mark.parametrize("key", ["cache", "out"])
+def test_a_folder_that_cannot_be_written_is_named(key, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = prtnet(*overrides(tmp_path / "out"), f"{key}={tmp_path / 'file' / 'folder'}")
+    assert done.returncode == 2, done.stderr
+    assert "could not be written" in done.stderr
+    assert "expected a folder that can be written" in done.stderr
 
 
 def test_gloss_in_more_bands_than_a_shader_holds_is_refused_before_any_work(tmp_path):

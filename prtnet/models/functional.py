@@ -1,7 +1,8 @@
 """Losses on what the coefficients are for: a norm of linear functionals of their error, some drawn for each step.
 
 projection  the error of the transfer as a function on the sphere, sum_i e_i Y_i(w), in uniform directions w.
-radiance    the error of a diffuse surface of albedo 1, sum_i e_i L_i for e the error of t / pi, under lights L.
+radiance    the error of a diffuse surface of albedo 1, sum_i e_i L_i for e the error of t / pi, under lights L; or of
+            half a glossy one (`gloss`).
 
 Both see errors of coefficients together, as a picture does, and do not depend on how the axes lie, which L1 and Huber
 norms of single coefficients do. With the norm l2 there is nothing to gain. The basis is orthonormal, so the mean
@@ -35,7 +36,7 @@ def pool(kind: str, bands: int, seed: int) -> Float[Tensor, "p k"]:
     if kind == "radiance":
         rows = lights(POOL, bands, np.random.default_rng(seed))
     else:
-        rows = sh.evaluate(_sphere(POOL), bands) * sqrt(4 * pi / sh.count(bands))
+        rows = sh.evaluate(sphere(POOL), bands) * sqrt(4 * pi / sh.count(bands))
     return torch.from_numpy(rows.astype(np.float32))
 
 
@@ -65,7 +66,7 @@ def _disc_zonal(radius: Float[Array, " n"], bands: int) -> Float[Array, "n bands
     return 2 * pi * np.concatenate([1 - np.cos(radius)[:, None], rest], axis=1)
 
 
-def _sphere(count: int) -> Float[Array, "n 3"]:
+def sphere(count: int) -> Float[Array, "n 3"]:
     """A Fibonacci lattice on the whole sphere."""
     index = np.arange(count) + 0.5
     height, turn = 1 - 2 * index / count, index * pi * (3 - sqrt(5))
@@ -89,11 +90,13 @@ def loss(
     delta: float,
     bands: Float[Tensor, " c"] | None = None,
     points: Float[Tensor, " n"] | None = None,
+    counts: Float[Tensor, "_ d"] | None = None,
 ) -> Float[Tensor, ""]:
     """Mean over points, groups of coefficients and functionals of weighted rho(functional(predicted - target)).
 
-    Weights of bands scale the coefficients by their roots, so that they mean the same as in the loss l2. However many
-    values there are, `_CHUNK` of them are held at a time, and found again for the gradient.
+    `counts` are weights of functionals at each group of each point. Weights of bands scale the coefficients by their
+    roots, so that they mean the same as in the loss l2. However many values there are, `_CHUNK` of them are held at a
+    time, and found again for the gradient.
     """
     error = predicted.float() - target
     error = error if bands is None else error * bands.sqrt()
@@ -104,11 +107,12 @@ def loss(
     error, weights = error.reshape(-1, k), weights.repeat_interleave(groups)
     rows = max(1, _CHUNK // len(functionals))
     if len(error) <= rows:
-        return _total(error, weights, functionals, kind, delta) / (len(error) * len(functionals))
+        return _total(error, weights, functionals, kind, delta, counts) / (len(error) * len(functionals))
     total = error.new_zeros(())
     for first in range(0, len(error), rows):
         part = slice(first, first + rows)
-        arguments = (error[part], weights[part], functionals, kind, delta)
+        own = None if counts is None else counts[part]
+        arguments = (error[part], weights[part], functionals, kind, delta, own)
         total = total + checkpoint(_total, *arguments, use_reentrant=False, preserve_rng_state=False)
     return total / (len(error) * len(functionals))
 
@@ -119,7 +123,10 @@ def _total(
     functionals: Float[Tensor, "d k"],
     kind: str,
     delta: float,
+    counts: Float[Tensor, "n d"] | None,
 ) -> Float[Tensor, ""]:
     values = error @ functionals.T
     zero = values.new_zeros(()).expand_as(values)
-    return (rho(kind, values, zero, delta).sum(1) * weights).sum()
+    norms = rho(kind, values, zero, delta)
+    norms = norms if counts is None else norms * counts
+    return (norms.sum(1) * weights).sum()

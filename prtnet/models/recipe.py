@@ -1,6 +1,7 @@
 """Training recipes: everything of a net and its training but the net's size."""
 
 from dataclasses import asdict, dataclass, field
+from math import inf
 from typing import Any
 
 from prtnet import PrtnetError
@@ -43,6 +44,7 @@ class TrainOptions:
     huber_delta: float = 0.02  # of huber, in units of t / pi; of radiance, where an open surface shows about 1
     loss_norm: str = "huber"  # of projection and radiance: l1 | l2 | huber
     loss_samples: int = 64  # of projection and radiance: directions or lights, drawn for each step
+    loss_gloss: float = 0.0  # of radiance: the Phong exponent of half the functionals; 0: all are diffuse
     band_falloff: float = 0.0  # band l weighs (1 + l)^-band_falloff
     dark_weight: float = 0.0  # a point weighs (its open share)^-dark_weight, about as the display curve shows errors
     # how
@@ -53,6 +55,8 @@ class TrainOptions:
     warmup: float = 0.02  # share of the steps in which the rate climbs from 0; of cosine and one_cycle
     beta2: float = 0.999  # of adam
     batch: int = 2048
+    resample: float = 0.0  # share of each batch drawn in proportion to the points' last errors
+    resample_correction: float = 1.0  # 1: they weigh as much less as they come more often; 0: they weigh the same
     average: float = 0.0  # decay of the running mean of the weights that is exported; 0: the last weights
     precision: str = "auto"  # float32 | bfloat16 | auto: bfloat16 where the processor multiplies in it, but for sine
     device: str = "auto"  # cpu | cuda | auto: cuda where torch sees one
@@ -60,6 +64,8 @@ class TrainOptions:
     # how long
     steps: int | None = None  # null: as many as fit into cpu_seconds, by one calibration
     cpu_seconds: float = 60.0
+    # looks, at every 20th of the steps, without an improvement of points kept back, until a run ends; 0: it never does
+    patience: int = 0
     checkpoint_seconds: float = 20.0  # CPU-seconds between checkpoints
 
 
@@ -90,8 +96,11 @@ def published() -> TrainOptions:
 
 
 # options that came later: recipes that leave them at their defaults keep the keys of their nets
-_LATER = ("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format")
-_LATER += ("hash_cells", "hash_entries", "hash_channels")
+_LATER = (
+    *("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format"),
+    *("hash_cells", "hash_entries", "hash_channels"),
+    *("loss_gloss", "resample", "resample_correction", "patience"),
+)
 
 MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
 
@@ -136,9 +145,17 @@ def check(options: TrainOptions) -> None:
     for name in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega", "loss_samples"):
         if not getattr(options, name) > 0:
             raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected more than 0")
-    for name in ("warmup", "average", "beta2"):
+    for name in ("warmup", "average", "beta2", "resample"):
         if not 0 <= getattr(options, name) < 1:
             raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected 0 or more, and less than 1")
+    for name in ("patience", "loss_gloss", "resample_correction"):
+        if not 0 <= getattr(options, name) < inf:
+            raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected 0 or more")
+    if options.loss_gloss and options.loss != "radiance":
+        raise PrtnetError(
+            f"train.loss_gloss: found {options.loss_gloss:g} with train.loss={options.loss}, expected "
+            "train.loss=radiance, or 0"
+        )
     if options.steps is not None and options.steps < 1:
         raise PrtnetError(f"train.steps: found {options.steps}, expected 1 or more, or null")
 

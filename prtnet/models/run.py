@@ -1,7 +1,6 @@
 """The state of a training run, and one step of it."""
 
 import hashlib
-import logging
 import time
 from dataclasses import dataclass
 
@@ -11,11 +10,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from prtnet import PrtnetError, sh, store
-from prtnet.models import checkpoint, functional, loss, optimiser, recipe
+from prtnet.models import checkpoint, functional, gloss, loss, memory, optimiser, recipe
 from prtnet.models.mlp import SCALE, Mlp, ModelOptions
 from prtnet.models.recipe import TrainOptions
-
-log = logging.getLogger(__name__)
+from prtnet.models.resample import HardPoints
 
 Array = np.ndarray
 
@@ -38,6 +36,7 @@ class Run:
         _check_points(points, model, steps)
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
+        memory.check(model, options, points.transfer.shape[1], len(points.transfer), self.device)
         # a sine's argument may be large, and bfloat16 has three digits
         chosen = options.precision == "auto" and options.activation != "sine" and fast_bfloat16(self.device)
         self.bfloat16 = options.precision == "bfloat16" or chosen
@@ -49,12 +48,23 @@ class Run:
         weighted = options.band_falloff != 0
         weights = loss.band_weights(bands, options.band_falloff).repeat(points.groups).to(self.device)
         self.band_weights = weights if weighted else None
-        sampled = options.loss in functional.KINDS
-        self.functionals = functional.pool(options.loss, bands, options.seed).to(self.device) if sampled else None
+        self.functionals, self.mirrored = self._functionals(bands)
         self.table = self._table(points)
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)
+        self._in_turn = max(1, self.batch - round(self.batch * options.resample))  # points of a batch; drawn: the rest
+        self.hard = self._hard_points()
         self._epoch, self._order = -1, torch.empty(0)
+
+    def _functionals(self, bands: int) -> tuple[Tensor | None, Tensor | None]:
+        """Those of the loss, if it has some, and the eyes' mirrored directions where some are glossy."""
+        options = self.options
+        if options.loss not in functional.KINDS:
+            return None, None
+        if not options.loss_gloss:
+            return functional.pool(options.loss, bands, options.seed).to(self.device), None
+        rows, mirrored = gloss.pool(bands, options.loss_gloss, options.seed)
+        return rows.to(self.device), mirrored.to(self.device)
 
     def _table(self, points: Points) -> Tensor:
         """Position, normal, point weight and target of a point side by side: a batch is one gather of whole rows."""
@@ -69,12 +79,15 @@ class Run:
     def advance(self) -> None:
         """One step."""
         started = self._clock()
-        rows = self._rows()
+        chosen = self._chosen()
+        rows = torch.index_select(self.table, 0, chosen)
         optimiser.set_rate(self.optimisers, optimiser.rate(self.options, self.step, self.steps))
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
             predicted = self.net(rows[:, :3], rows[:, 3:6])
-        value = self._loss(predicted, rows)
+        value = self._loss(predicted, rows, self._point_weights(rows, chosen))
         value.backward()
+        if self.hard is not None:
+            self.hard.note(chosen, predicted.detach().float() - rows[:, 7:])
         for each in self.optimisers:
             each.step()
             each.zero_grad()
@@ -85,26 +98,50 @@ class Run:
         self.step += 1
         self.cpu_seconds += self._clock() - started
 
-    def _loss(self, predicted: Tensor, rows: Tensor) -> Tensor:
+    def _hard_points(self) -> HardPoints | None:
+        options, share = self.options, 1 - self._in_turn / self.batch
+        return HardPoints(self.table[:, 7:], share, options.resample_correction, options.seed) if share else None
+
+    def _point_weights(self, rows: Tensor, chosen: Tensor) -> Tensor | None:
+        """None stands for weights of 1."""
+        weights = rows[:, 6] if self.options.dark_weight else None
+        if self.hard is None or not self.options.resample_correction:
+            return weights
+        drawn = self.hard.weights(chosen)
+        return drawn if weights is None else weights * drawn
+
+    def _loss(self, predicted: Tensor, rows: Tensor, points: Tensor | None) -> Tensor:
         options, target = self.options, rows[:, 7:]
-        weights = {"bands": self.band_weights, "points": rows[:, 6] if options.dark_weight else None}
+        weights = {"bands": self.band_weights, "points": points}
         if self.functionals is None:
             return loss.loss(predicted, target, kind=options.loss, delta=options.huber_delta, **weights)
-        chosen = functional.draw(self.functionals, options.loss_samples, options.seed, self.step)
+        drawn = options.loss_samples, options.seed, self.step
+        if self.mirrored is not None:
+            mirrored = functional.draw(self.mirrored, *drawn)  # the same as of the functionals
+            weights["counts"] = gloss.counts(rows[:, 3:6], mirrored, self.net.groups)
+        chosen = functional.draw(self.functionals, *drawn)
         return functional.loss(predicted, target, chosen, kind=options.loss_norm, delta=options.huber_delta, **weights)
 
     def _decay(self) -> float:
         """Short at first, so that the first weights are soon forgotten."""
         return min(self.options.average, (self.step + 1) / (self.step + 10))
 
-    def _rows(self) -> Tensor:
-        epoch, index = divmod(self.step, len(self.table) // self.batch)
+    def _chosen(self) -> Tensor:
+        """The points of this step's batch: some in turn, and some drawn by their errors."""
+        if self.hard is None:
+            return self._next()
+        drawn = self.hard.draw(self.batch - self._in_turn, self.step)
+        return torch.cat([self._next(), drawn])
+
+    def _next(self) -> Tensor:
+        """Points in turn: each epoch has an order of its own, and leaves out what does not fill a batch."""
+        size = self._in_turn
+        epoch, index = divmod(self.step, len(self.table) // size)
         if epoch != self._epoch:
             generator = torch.Generator().manual_seed(self.options.seed * 1_000_003 + epoch)
             self._epoch = epoch
             self._order = torch.randperm(len(self.table), generator=generator).to(self.device)
-        chosen = self._order[index * self.batch : (index + 1) * self.batch]
-        return torch.index_select(self.table, 0, chosen)
+        return self._order[index * size : (index + 1) * size]
 
     def _clock(self) -> float:
         if self.device.type == "cuda":
@@ -121,19 +158,19 @@ class Run:
         state = {f"net.{name}": tensor for name, tensor in self.net.state_dict().items()}
         state |= checkpoint.optimiser_state(self.optimisers)
         state |= {f"average.{i}": tensor for i, tensor in enumerate(self.average)}
+        state |= self.hard.state() if self.hard is not None else {}
         counters = torch.tensor([self.step, self.cpu_seconds], dtype=torch.float64)
         return state | {"counters": counters, "history": self.history}
 
-    def restore(self, state: checkpoint.State | None) -> None:
-        """Goes on from a checkpoint, if there is one."""
-        if state is None:
-            return
+    def restore(self, state: checkpoint.State) -> None:
+        """Inverse of `state`."""
         self.net.load_state_dict({name: state[f"net.{name}"] for name in self.net.state_dict()})
         checkpoint.set_optimiser_state(self.optimisers, state)
         self.average = [state[f"average.{i}"].to(self.device) for i in range(len(self.average))]
+        if self.hard is not None:
+            self.hard.restore(state)
         self.history = state["history"].to(self.device)
         self.step, self.cpu_seconds = int(state["counters"][0]), float(state["counters"][1])
-        log.info("training goes on from step %d of %d", self.step, self.steps)
 
     def fingerprint(self, points: Points) -> str:
         """What the bytes of the result depend on: a checkpoint of any other run is not gone on from."""

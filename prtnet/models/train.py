@@ -18,9 +18,10 @@ import torch
 from jaxtyping import Float
 
 from prtnet import PrtnetError, netspec
-from prtnet.models import checkpoint, optimiser
+from prtnet.models import checkpoint, optimiser, patience
 from prtnet.models.board import Board
 from prtnet.models.mlp import ModelOptions
+from prtnet.models.patience import Patience
 from prtnet.models.recipe import TrainOptions
 from prtnet.models.run import Points, Run
 from prtnet.netspec import NetSpec
@@ -36,7 +37,7 @@ _LOG_SECONDS = 0.3
 
 @dataclass(frozen=True)
 class TrainResult:
-    """A trained net. `history` is the loss of every step, `cpu_seconds` the sum over interruptions."""
+    """A trained net. `history` is the loss of each of the `steps` taken, `cpu_seconds` the sum over interruptions."""
 
     net: NetSpec
     history: Float[Array, " steps"]
@@ -61,28 +62,38 @@ def train(
 ) -> TrainResult:
     """Trains for exactly `steps` steps (`calibrate` says how many fit into a time) or goes on from `checkpoint_path`.
 
+    With `options.patience` it may end sooner, on points kept back from `points` and not on `held_out`.
     `centre` and `scale` only go into the net: they take file coordinates to the unit positions given here. The last
     checkpoint stays, finished; delete it once the net is kept. Raises PrtnetError where the loss diverges.
     """
     with _one_thread():
+        points, kept_back = patience.split(points) if options.patience else (points, None)
         run = Run(points, model, options, steps)
+        patient = Patience(run, kept_back)
         key = run.fingerprint(points)
-        if checkpoint_path is not None:
-            run.restore(checkpoint.load(checkpoint_path, key))
+        state = checkpoint.load(checkpoint_path, key) if checkpoint_path is not None else None
+        if state is not None:
+            run.restore(state)
+            patient.restore(state)
+            log.info("training goes on from step %d of %d", run.step, steps)
+        elif checkpoint_path is not None:
+            # a folder that cannot be written is found now, and not after some time of training
+            checkpoint.save(checkpoint_path, run.state() | patient.state(), key)
         board = Board(log_dir, run.step) if log_dir is not None else None
-        watch = _Watch(run, held_out, board, on_log)
+        watch = _Watch(run, held_out, board, on_log, checkpoint_path)
         saved = run.cpu_seconds
-        while run.step < steps:
+        while run.step < steps and not patient.over:
             run.advance()
             watch.look()
-            due = run.step == steps or run.cpu_seconds - saved >= options.checkpoint_seconds
+            patient.look()
+            due = run.step == steps or patient.over or run.cpu_seconds - saved >= options.checkpoint_seconds
             if checkpoint_path is not None and due:
-                checkpoint.save(checkpoint_path, run.state(), key)
+                checkpoint.save(checkpoint_path, run.state() | patient.state(), key)
                 saved = run.cpu_seconds
         watch.close()
-        net = run.net.spec(run.parameters(), centre=centre, scale=scale, name=name)
+        net = run.net.spec(patient.parameters(), centre=centre, scale=scale, name=name)
     rmse = _rmse(net, held_out) if held_out is not None else None
-    return TrainResult(net, run.history.cpu().numpy(), run.cpu_seconds, steps, rmse)
+    return TrainResult(net, run.history[: run.step].cpu().numpy(), run.cpu_seconds, run.step, rmse)
 
 
 def calibrate(points: Points, *, model: ModelOptions, options: TrainOptions) -> float:
@@ -113,13 +124,23 @@ def _one_thread() -> Iterator[None]:
 class _Watch:
     """Looks at a run after each step: stops one that diverges, and feeds the progress line and TensorBoard."""
 
-    def __init__(self, run: Run, held_out: Points | None, board: Board | None, on_log: OnLog | None) -> None:
+    def __init__(
+        self,
+        run: Run,
+        held_out: Points | None,
+        board: Board | None,
+        on_log: OnLog | None,
+        checkpoint_path: Path | None = None,
+    ) -> None:
+        self._checkpoint_path = checkpoint_path
         self._run, self._held_out, self._board, self._on_log = run, _some(held_out), board, on_log
         self._first_step, self._started, self._logged = run.step, time.monotonic(), 0.0
 
     def look(self) -> None:
         run = self._run
-        if run.step % _CHECK == 0 or run.step == run.steps:
+        # also before each step at which a net is made of the weights
+        looks = (max(1, run.steps // 10), max(1, run.steps // patience.LOOKS), _CHECK)
+        if run.step == run.steps or any(run.step % every == 0 for every in looks):
             self._refuse_divergence()
         now = time.monotonic()
         if self._on_log is not None and (now - self._logged > _LOG_SECONDS or run.step == run.steps):
@@ -148,8 +169,13 @@ class _Watch:
         recent = float(run.history[max(0, run.step - _CHECK) : run.step].mean())
         start = float(run.history[0])
         settled = run.step >= max(4 * _CHECK, run.steps // 20)
+        if not all(torch.isfinite(each).all() for each in run.parameters()):
+            recent = float("nan")
         if np.isfinite(recent) and not (settled and recent > start):
             return
+        if self._checkpoint_path is not None:
+            # nobody goes on from it
+            self._checkpoint_path.unlink(missing_ok=True)
         raise PrtnetError(
             f"training diverged at step {run.step} of {run.steps}: found a mean loss of {recent:.4g} over the last"
             f" {_CHECK} steps, expected less than the {start:.4g} at the start; the learning rate was"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from prtnet import console, netspec
-from prtnet.models import recipe
+from prtnet.models import memory, recipe
 from prtnet.models import train as training
 from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
@@ -51,8 +51,8 @@ def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Any:
     steps, rate = _steps(job, points, inputs)
     options, model = job.config.train, job.config.model
     title = f"train: {steps} steps of {options.batch} points, {model.depth} layers of {model.width}, {options.recipe}"
-    memory = 8 * sum(array.nbytes for array in (points.training.positions, points.training.transfer))
-    console.estimate(title, seconds=steps / rate, memory=memory, disk=1e5)
+    needed = memory.needed(model, options, *points.training.transfer.shape[::-1])
+    console.estimate(title, seconds=steps / rate, memory=needed, disk=1e5)
     checkpoint = job.store.path("net", inputs, ".checkpoint.safetensors")
     with console.progress("train", steps, "steps") as reach:
         result = training.train(

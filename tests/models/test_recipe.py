@@ -73,6 +73,11 @@ def test_recipes_pass_their_own_check():
         {"steps": 0},
         {"cpu_seconds": -1.0},
         {"huber_delta": float("nan")},
+        {"resample": 1.0},
+        {"resample_correction": -1.0},
+        {"patience": -1},
+        {"loss_gloss": float("inf")},
+        {"loss_gloss": 20.0},
     ],
 )
 def test_what_means_nothing_is_refused_by_name(change):

@@ -62,7 +62,7 @@ def test_each_epoch_visits_each_point_at_most_once():
     run = Run(points(1000), MODEL, SHORT, steps=12)
     seen = []
     for run.step in range(6):
-        seen.append(run._rows()[:, 0].numpy().copy())
+        seen.append(run.table[run._chosen(), 0].numpy())
     first, second = np.concatenate(seen[:3]), np.concatenate(seen[3:])
     assert len(np.unique(first)) == len(np.unique(second)) == 768
     assert not np.array_equal(first, second)
@@ -80,6 +80,7 @@ VARIANTS = {
         grid_cells=[[4, 3, 2]],
         hash_cells=[8],
     ),
+    "hard points": replace(SHORT, resample=0.5, loss="radiance", loss_gloss=10.0),
 }
 
 
@@ -173,6 +174,33 @@ def test_divergence_to_nan_is_found_early():
         train(points(), model=MODEL, options=run_away, steps=2000)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"learning_rate": 1e9},
+        {"learning_rate": 1e9, "optimiser": "soap", "matrix_rate": 1e9},
+        {"learning_rate": 1e30, "optimiser": "soap", "resample": 0.5, "patience": 3},
+        {"learning_rate": 1e30, "optimiser": "muon", "matrix_rate": 1e30, "loss": "radiance"},
+    ],
+)
+@pytest.mark.parametrize("residual", [False, True])
+def test_no_rate_is_so_high_that_a_net_comes_of_it(change, residual, tmp_path):
+    options = replace(SHORT, schedule="constant", residual=residual, **change)
+    calibrate(points(), model=MODEL, options=options)
+    with pytest.raises(PrtnetError, match=r"diverged at step \d+ of 400.*lower train\.learning_rate"):
+        train(points(), model=MODEL, options=options, steps=400, checkpoint_path=tmp_path / "checkpoint")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_the_first_step(tmp_path):
+    (tmp_path / "file").write_text("here")
+    seen, path = [], tmp_path / "file" / "checkpoint"
+    with pytest.raises(PrtnetError, match=r"file/checkpoint: could not be written .*, expected a folder.*cache="):
+        train(points(), model=MODEL, options=SHORT, steps=300, checkpoint_path=path, on_log=seen.append)
+    assert not seen
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
 def test_threads_and_random_state_are_left_alone():
     torch.manual_seed(3)
     before, threads = torch.get_rng_state(), torch.get_num_threads()
@@ -192,6 +220,7 @@ def test_threads_and_random_state_are_left_alone():
     [
         {"loss": "projection", "loss_samples": 16},
         {"loss": "radiance", "loss_norm": "l1", "band_falloff": 0.5, "dark_weight": 0.5},
+        {"loss": "radiance", "loss_gloss": 10.0, "resample": 0.5, "dark_weight": 0.5, "patience": 8},
         {"grid_cells": [[6, 6, 3]], "grid_channels": 4, "position_frequencies": 0},
         {"encoding": "triangle", "activation": "relu", "optimiser": "muon"},
         {"encoding": "identity", "activation": "sine", "sine_omega": 10.0, "learning_rate": 0.005},
@@ -233,6 +262,10 @@ def test_bfloat16_learns_as_well_as_float32():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        (
+            {"positions": np.zeros((0, 3)), "normals": np.zeros((0, 3)), "transfer": np.zeros((0, 9))},
+            "and at least one",
+        ),
         ({"positions": np.full((2000, 3), 2.0, np.float32)}, "positions up to 2"),
         ({"transfer": np.full((2000, 9), np.nan, np.float32)}, "transfer that is NaN"),
         ({"transfer": np.zeros((2000, 8), np.float32)}, "SH coefficients: found 8"),

@@ -3,6 +3,7 @@
     python experiments/bench.py tracer [--points 1000000]
     python experiments/bench.py gloss [--sizes 256 1024]
     python experiments/bench.py texture
+    python experiments/bench.py train
 
 prints a table and writes experiments/results/bench_NAME.csv.
 """
@@ -20,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench_train
 import numpy as np
 
 from prtnet.data import atlas, builtin, directions, light, samples, texture, transfer
@@ -215,6 +217,7 @@ BENCHES = {
     "tracer": lambda chosen: tracer(chosen.points),
     "gloss": lambda chosen: gloss(chosen.sizes),
     "texture": lambda chosen: textures(),
+    "train": lambda chosen: bench_train.train(),
 }
 
 

@@ -39,7 +39,7 @@ def train() -> list[Row]:
 
 
 def _train_rows(points: Points, model: recipe.ModelOptions, options: recipe.TrainOptions) -> list[Row]:
-    blocks, length = 41, 20
+    blocks, length = 31, 20
     ours, plain = (Run(points, model, options, blocks * length) for _ in range(2))
     watch, bare = training._Watch(ours, None, None, None), _bare_step(plain)
 

@@ -16,6 +16,7 @@ def needed(model: ModelOptions, options: TrainOptions, outputs: int, points: int
     """Bytes of weights, gradients, the optimiser's state, the activations of a batch and the table of points."""
     sizes = layer_sizes(model, options, outputs)
     grids = sum(x * y * z * options.grid_channels for x, y, z in options.grid_cells)
+    grids += len(options.hash_cells) * options.hash_entries * options.hash_channels
     matrices = sum(rows * columns for columns, rows in pairwise(sizes))
     # weight, gradient, and a copy in checkpoints; adam and soap keep two moments, muon one
     values = (6 if options.average else 5) * (matrices + grids + sum(sizes[1:]))

@@ -5,6 +5,7 @@ holds the inputs, the facts worth keeping beside the arrays, and the size and SH
 file that does not match it, means that the artifact does not exist and is made again.
 """
 
+import fcntl
 import hashlib
 import json
 import logging
@@ -63,6 +64,30 @@ def atomic(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def alone(lock: Path) -> Iterator[None]:
+    """Processes that name the same lock file are inside one after the other. A process that ends, however it does,
+    gives the lock back."""
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        with lock.open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            if not _same_file(file.fileno(), lock):
+                continue  # the one before has deleted the file that was waited for
+            try:
+                yield
+            finally:
+                lock.unlink(missing_ok=True)
+            return
+
+
+def _same_file(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, UTF-8."""
     with atomic(path) as temporary:
@@ -104,7 +129,8 @@ class Artifact:
 
 
 class Store:
-    """All artifacts under one folder. Processes may share it: writes are atomic, equal keys mean equal bytes."""
+    """All artifacts under one folder. Processes may share it: writes are atomic, equal keys mean equal bytes, and what
+    one of them makes the others wait for."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -146,16 +172,26 @@ class Store:
         write_text(path.with_suffix(".json"), json.dumps(record, indent=1, sort_keys=True) + "\n")
         return Artifact(path, record["facts"])
 
+    def once(self, stage: str, inputs: Mapping[str, Any], make: Callable[[], Artifact]) -> Artifact:
+        """The artifact of these inputs. Where it is not there yet `make()` puts it, and other processes wait for it."""
+        found = self.get(stage, inputs)
+        if found is None:
+            with alone(self.path(stage, inputs, ".lock")):
+                # another process may have made it meanwhile
+                return self.get(stage, inputs) or make()
+        log.debug("%s: found %s", stage, found.path)
+        return found
+
     def make(
         self, stage: str, inputs: Mapping[str, Any], make: Callable[[], tuple[Arrays, Mapping[str, Any]]]
     ) -> Artifact:
         """The artifact of these inputs, made by `make() -> (arrays, facts)` when it is not there yet."""
-        found = self.get(stage, inputs)
-        if found is not None:
-            log.debug("%s: found %s", stage, found.path)
-            return found
-        arrays, facts = make()
-        return self.put(stage, inputs, lambda path: save_arrays(path, arrays), facts)
+
+        def put() -> Artifact:
+            arrays, facts = make()
+            return self.put(stage, inputs, lambda path: save_arrays(path, arrays), facts)
+
+        return self.once(stage, inputs, put)
 
     def make_shards(
         self,

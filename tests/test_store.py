@@ -1,6 +1,10 @@
 """Artifacts survive kills and truncation; equal inputs give equal keys."""
 
 import json
+import multiprocessing
+import time
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,3 +130,33 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path):
     with pytest.raises(PrtnetError, match="No space left"):
         fail()
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("kept", "before")]
+
+
+def _slowly(log: Path) -> tuple[store.Arrays, dict[str, float]]:
+    with log.open("a") as file:
+        file.write("made\n")
+    time.sleep(0.3)
+    return ARRAYS, {}
+
+
+def _make_slowly(root: Path, log: Path) -> None:
+    store.Store(root).make("bake", {"x": 1}, partial(_slowly, log))
+
+
+def test_processes_wait_for_the_one_that_makes_an_artifact(tmp_path):
+    start = multiprocessing.get_context("spawn")
+    several = [start.Process(target=_make_slowly, args=(tmp_path / "cache", tmp_path / "log")) for _ in range(3)]
+    for each in several:
+        each.start()
+    for each in several:
+        each.join(60)
+        assert each.exitcode == 0
+    assert (tmp_path / "log").read_text() == "made\n"
+    assert not list((tmp_path / "cache").rglob("*.lock"))
+
+
+def test_a_lock_is_given_back_when_its_block_fails(tmp_path):
+    for _ in range(2):
+        with pytest.raises(RuntimeError), store.alone(tmp_path / "locks" / "a"):
+            raise RuntimeError
+    assert not list((tmp_path / "locks").iterdir())

@@ -21,6 +21,7 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.views import View, row_of
 from prtnet.render import exact
 from prtnet.render.exact import Points, World
+from prtnet.store import Artifact, save_arrays
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -71,30 +72,33 @@ def _values(job: Job, title: str, points: Points, announce: int, repeat: int) ->
     inputs = job.scene_key | {"light": light_key(job.light), "samples": samples, "bounces": bounces, "repeat": repeat}
     inputs |= {field.name: _digest(getattr(points, field.name)) for field in fields(points)}
     inputs["seed"] = job.config.seed
-    found = job.store.get("exact", inputs)
-    if found is not None:
-        return found.arrays["radiance"]
-    world = World(job.tracer, light_sampler.of_light(job.light), job.scene)
-    count, size = len(points.origins), max(1, SHARD_SAMPLES // samples)
-    if announce * count * samples > SHARD_SAMPLES:
-        _estimate(job, title, world, points, bounces, announce)
-    with console.progress(title, count, "points") as reach:
 
-        def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
-            first, start = shard * size, time.perf_counter()
-            part = points.take(np.arange(first, min(count, first + size)))
-            # a generator per shard: its points do not depend on which shards this process draws
-            rng = np.random.default_rng([job.config.seed, repeat, shard])
-            values = _radiance(job, world, part, samples, rng, bounces, lambda done: reach(first + done))
-            return {"radiance": values.astype(np.float32)}, {"seconds": time.perf_counter() - start}
+    def draw() -> Artifact:
+        world = World(job.tracer, light_sampler.of_light(job.light), job.scene)
+        count, size = len(points.origins), max(1, SHARD_SAMPLES // samples)
+        if announce * count * samples > SHARD_SAMPLES:
+            _estimate(job, title, world, points, bounces, announce)
+        with console.progress(title, count, "points") as reach:
 
-        parts = job.store.make_shards("exact", inputs, max(1, -(-count // size)), make)
-    seconds = sum(part.facts["seconds"] for part in parts)
-    whole = np.concatenate([part.arrays["radiance"] for part in parts])
-    job.store.make("exact", inputs, lambda: ({"radiance": whole}, {"seconds": seconds}))
-    job.store.drop_shards("exact", inputs)
-    log.info("%s: %d points x %d samples in %s", title, count, samples, console.duration(seconds))
-    return whole
+            def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
+                first, start = shard * size, time.perf_counter()
+                part = points.take(np.arange(first, min(count, first + size)))
+                # a generator per shard: its points do not depend on which shards this process draws
+                rng = np.random.default_rng([job.config.seed, repeat, shard])
+                values = _radiance(job, world, part, samples, rng, bounces, lambda done: reach(first + done))
+                return {"radiance": values.astype(np.float32)}, {"seconds": time.perf_counter() - start}
+
+            parts = job.store.make_shards("exact", inputs, max(1, -(-count // size)), make)
+        seconds = sum(part.facts["seconds"] for part in parts)
+        whole = np.concatenate([part.arrays["radiance"] for part in parts])
+        artifact = job.store.put(
+            "exact", inputs, lambda path: save_arrays(path, {"radiance": whole}), {"seconds": seconds}
+        )
+        job.store.drop_shards("exact", inputs)
+        log.info("%s: %d points x %d samples in %s", title, count, samples, console.duration(seconds))
+        return artifact
+
+    return job.store.once("exact", inputs, draw).arrays["radiance"]
 
 
 def _radiance(

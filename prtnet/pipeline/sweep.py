@@ -1,10 +1,8 @@
 """What a sweep found: score.json, table.md and chart.png beside its points, made anew as each of them ends."""
 
-import fcntl
 import logging
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +15,8 @@ log = logging.getLogger(__name__)
 
 def summarise(base: Path) -> None:
     """Write the summary of all points below a sweep's folder that have been scored; what fails leaves the rest."""
-    with _alone(base):
+    # points that end together write one after the other, so that the last one has seen them all
+    with store.alone(base / ".sweep.lock"):
         rows = _rows(base)
         if not rows:
             return
@@ -55,11 +54,3 @@ def _natural(name: str) -> list[tuple[bool, float, str]]:
     """A key that sorts width=8 before width=16."""
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(bool(i % 2), float(part) if i % 2 else 0.0, part) for i, part in enumerate(parts)]
-
-
-@contextmanager
-def _alone(base: Path) -> Iterator[None]:
-    """Points that end together write one after the other, so that the last one has seen them all."""
-    with (base / ".sweep.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

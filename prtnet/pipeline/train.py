@@ -14,6 +14,7 @@ from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
 from prtnet.pipeline.bake import NetPoints, PointSet
 from prtnet.pipeline.job import Job
+from prtnet.store import Artifact
 
 log = logging.getLogger(__name__)
 
@@ -41,13 +42,11 @@ def train(job: Job, points: NetPoints) -> Trained:
         # the net's file tells the way back to the mesh's own coordinates
         "frame": [*job.frame.centre.tolist(), job.frame.scale],
     }
-    kept = job.store.get("net", inputs)
-    if kept is None:
-        kept = _train(job, points, inputs)
+    kept = job.store.once("net", inputs, lambda: _train(job, points, inputs))
     return Trained(kept.key, netspec.load(kept.path), kept.facts)
 
 
-def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Any:
+def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Artifact:
     steps, rate = _steps(job, points, inputs)
     options, model = job.config.train, job.config.model
     title = f"train: {steps} steps of {options.batch} points, {model.depth} layers of {model.width}, {options.recipe}"

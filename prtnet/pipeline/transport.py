@@ -20,7 +20,7 @@ from prtnet.data.samples import Samples
 from prtnet.data.surface import Surface
 from prtnet.data.texture import Texels
 from prtnet.pipeline.job import Job
-from prtnet.store import Artifact
+from prtnet.store import Artifact, save_arrays
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -178,42 +178,47 @@ def _in_shards(
 ) -> Artifact:
     """An artifact of what `gather` finds at the points: a killed bake goes on where it was."""
     inputs = dict(inputs) | {"directions": directions, "kind": job.config.transfer.kind}
-    found = job.store.get(stage, inputs)
-    if found is not None:
-        return found
-    count = len(points.positions)
-    size = max(1, SHARD_RAYS // directions)
-    shards = max(1, -(-count // size))
-    if announce * count * directions > SHARD_RAYS // 4:
-        _estimate(job, title, points, directions, announce)
-    with console.progress(title, count, "points") as reach:
 
-        def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
-            first = shard * size
-            part = samples.select(points, np.arange(first, min(count, first + size)))
-            start = time.perf_counter()
-            values = gather(
-                job.tracer,
-                part.positions,
-                part.normals,
-                directions=directions,
-                # a generator per shard: its points' rotations do not depend on which shards this process bakes
-                rng=np.random.default_rng([job.config.seed, salt, shard]),
-                geometric_normals=part.geometric_normals,
-                kind=job.config.transfer.kind,
-                progress=lambda done: reach(first + done),
-                threads=job.config.threads,
-            )
-            return {"transfer": values}, {"seconds": time.perf_counter() - start}
+    def bake() -> Artifact:
+        count = len(points.positions)
+        size = max(1, SHARD_RAYS // directions)
+        shards = max(1, -(-count // size))
+        if announce * count * directions > SHARD_RAYS // 4:
+            _estimate(job, title, points, directions, announce)
+        with console.progress(title, count, "points") as reach:
 
-        parts = job.store.make_shards(stage, inputs, shards, make)
-    seconds = sum(part.facts["seconds"] for part in parts)
-    whole = np.concatenate([part.arrays["transfer"] for part in parts])
-    artifact = job.store.make(stage, inputs, lambda: ({"transfer": whole}, {"seconds": seconds}))
-    job.store.drop_shards(stage, inputs)
-    rate = count * directions / max(seconds, 1e-9) / 1e6
-    log.info("%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate)
-    return artifact
+            def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
+                first = shard * size
+                part = samples.select(points, np.arange(first, min(count, first + size)))
+                start = time.perf_counter()
+                values = gather(
+                    job.tracer,
+                    part.positions,
+                    part.normals,
+                    directions=directions,
+                    # a generator per shard: its points' rotations do not depend on which shards this process bakes
+                    rng=np.random.default_rng([job.config.seed, salt, shard]),
+                    geometric_normals=part.geometric_normals,
+                    kind=job.config.transfer.kind,
+                    progress=lambda done: reach(first + done),
+                    threads=job.config.threads,
+                )
+                return {"transfer": values}, {"seconds": time.perf_counter() - start}
+
+            parts = job.store.make_shards(stage, inputs, shards, make)
+        seconds = sum(part.facts["seconds"] for part in parts)
+        whole = np.concatenate([part.arrays["transfer"] for part in parts])
+        artifact = job.store.put(
+            stage, inputs, lambda path: save_arrays(path, {"transfer": whole}), {"seconds": seconds}
+        )
+        job.store.drop_shards(stage, inputs)
+        rate = count * directions / max(seconds, 1e-9) / 1e6
+        log.info(
+            "%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate
+        )
+        return artifact
+
+    return job.store.once(stage, inputs, bake)
 
 
 def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:

@@ -1,10 +1,9 @@
 """Charts: speed against accuracy with its Pareto front, and the training curve."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
-from itertools import pairwise, product
-from math import cos, hypot, log10, pi, sin
+from itertools import pairwise
+from math import log10, pi
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,15 @@ from matplotlib.transforms import Bbox
 
 from prtnet import PrtnetError, store
 from prtnet.chart import tables
+from prtnet.chart.labels import Labels
+from prtnet.chart.tables import Spread
 from prtnet.score import Row
 
 COLOURS = ("#0b6fb8", "#c8501e", "#2a8a5b", "#8e4fa8", "#b08a00", "#c0397a", "#4c5f73", "#5b9bd5")
 INK, FAINT, GRID = "#22262d", "#6a7280", "#e4e7ec"
-ACROSS = 3  # panels side by side
 PANELS = (("macs", "multiply-adds per pixel"), ("ms_ratio", "time of a frame, over that of texture"))
+SWEEP_PANELS = (PANELS[0], ("bytes", "bytes"), PANELS[1])
+FAR = 1.0  # what lies this many times the range of the swept points above or below them is no part of the axes
 
 
 def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title: str = "") -> None:
@@ -30,12 +32,7 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
     Only rows against `reference` are drawn; the front and the noise floor are those of one scene, material and light.
     With several of these a colour stands for each, else for each method. A point's area grows with its bytes.
     """
-    shown = [row for row in tables.ordered(rows) if row.reference == reference and row.psnr is not None]
-    if not shown:
-        raise PrtnetError(f"chart: found no row against {reference!r} among {len(rows)}, expected at least one")
-    groups: dict[tables.Group, list[Row]] = {}
-    for row in shown:
-        groups.setdefault(tables.group_of(row), []).append(row)
+    groups = _groups(rows, reference)
     figure = _figure(12.0, 5.4)
     figure.suptitle(_plain(title or "Speed against accuracy"), x=0.06, ha="left", color=INK, weight="bold", size=14)
     for place, (key, label) in enumerate(PANELS):
@@ -46,29 +43,34 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
     _save(figure, path)
 
 
-def panels(path: Path, rows: Sequence[Row], *, reference: str = "traced", title: str = "") -> None:
-    """Write a PNG of PSNR against multiply-adds, a panel for each scene, material and light; as `pareto` for one."""
+def panels(path: Path, rows: Mapping[Row, Spread | None], *, reference: str = "traced", title: str = "") -> None:
+    """Write a PNG of the rows of a sweep, with the bars of their spread: for each scene, material and light a line of
+    panels of PSNR against multiply-adds, bytes and time. The noise floor stands in words where it is far above."""
+    groups = _groups(rows, reference)
+    figure = _figure(5.4 * len(SWEEP_PANELS), 4.4 * len(groups) + 0.5)
+    height = figure.get_figheight()
+    figure.suptitle(_plain(title), x=0.02, y=1 - 0.15 / height, ha="left", color=INK, weight="bold", size=14)
+    for line, (group, members) in enumerate(groups.items()):
+        low = (4.4 * (len(groups) - 1 - line) + 0.6) / height
+        for column, (key, label) in enumerate(SWEEP_PANELS):
+            left = (column + 0.11) / len(SWEEP_PANELS)
+            axes = figure.add_axes((left, low, 0.86 / len(SWEEP_PANELS), 3.5 / height))
+            _panel(axes, {group: members}, key, rows)
+            axes.set_xlabel(label, color=INK)
+            if column == 0:
+                axes.set_title(_plain(" · ".join(group)), loc="left", color=INK, size=11)
+                axes.set_ylabel(f"PSNR against {reference}, dB", color=INK)
+    _save(figure, path)
+
+
+def _groups(rows: Iterable[Row], reference: str) -> dict[tables.Group, list[Row]]:
     groups: dict[tables.Group, list[Row]] = {}
     for row in tables.ordered(rows):
         if row.reference == reference and row.psnr is not None:
             groups.setdefault(tables.group_of(row), []).append(row)
-    if len(groups) < 2:
-        pareto(path, rows, reference=reference, title=title)
-        return
-    across = min(len(groups), ACROSS)
-    down = -(-len(groups) // across)
-    figure = _figure(5.2 * across, 3.9 * down + 0.5)
-    height = figure.get_figheight()
-    figure.suptitle(_plain(title), x=0.03, y=1 - 0.15 / height, ha="left", color=INK, weight="bold", size=14)
-    for place, (group, members) in enumerate(groups.items()):
-        row, column = divmod(place, across)
-        low = (3.9 * (down - 1 - row) + 0.6) / height
-        axes = figure.add_axes(((column + 0.12) / across, low, 0.84 / across, 2.85 / height))
-        _panel(axes, {group: members}, PANELS[0][0])
-        axes.set_title(_plain(" · ".join(group)), loc="left", color=INK, size=11)
-        axes.set_xlabel(PANELS[0][1], color=INK)
-        axes.set_ylabel(f"PSNR against {reference}, dB" if column == 0 else "", color=INK)
-    _save(figure, path)
+    if not groups:
+        raise PrtnetError(f"chart: found no row against {reference!r}, expected at least one")
+    return groups
 
 
 def training_curve(target: Path | BytesIO, history: Sequence[tuple[int, float]]) -> None:
@@ -127,17 +129,19 @@ def _dress(axes: Axes) -> None:
         spine.set_color("#b6bcc6")
 
 
-@dataclass
-class Labels:
-    """Labels still to be written beside their points, and the boxes they must keep off. All in pixels."""
-
-    points: list[tuple[float, float, float, str, str]] = field(default_factory=list)  # x, y, radius, text, colour
-    taken: list[Bbox] = field(default_factory=list)
-
-
-def _panel(axes: Axes, groups: dict[tables.Group, list[Row]], key: str) -> None:
+def _panel(
+    axes: Axes,
+    groups: dict[tables.Group, list[Row]],
+    key: str,
+    spreads: Mapping[Row, Spread | None] | None = None,
+) -> None:
+    """One panel. `spreads` are those of a sweep, whose points are named by what they vary and are all of one size."""
     _dress(axes)
     rows = [row for members in groups.values() for row in members]
+    far: list[Row] = []
+    if spreads is not None:
+        rows, far = _near(rows)
+        groups = {group: [row for row in members if row in rows] for group, members in groups.items()}
     points = [row for row in rows if getattr(row, key) is not None and getattr(row, key) > 0 and not row.is_noise_floor]
     if not points:
         axes.set(xticks=[], yticks=[])
@@ -146,6 +150,7 @@ def _panel(axes: Axes, groups: dict[tables.Group, list[Row]], key: str) -> None:
     _limits(axes, [getattr(row, key) for row in points], [row.psnr or 0.0 for row in rows])
     colours = _colours(groups, points)
     labels = Labels()
+    _note(axes, far, labels)
     for group, members in groups.items():
         ours = [row for row in points if tables.group_of(row) == group]
         line = "#aeb5c0" if len(groups) == 1 else colours[group]
@@ -155,13 +160,38 @@ def _panel(axes: Axes, groups: dict[tables.Group, list[Row]], key: str) -> None:
             _draw_floor(axes, floor.psnr or 0.0, colour, labels)
         for row in ours:
             colour = colours[group] if len(groups) > 1 else colours[row.method]
-            _draw_point(axes, row, key, colour, labels)
+            if spreads is None:
+                _draw_point(axes, row, key, colour, labels)
+            else:
+                named = len({row.method for row in points if row.point}) > 1 or not row.point
+                text = tables.method_name(row) if named else row.point or ""
+                _draw_sweep_point(axes, row, key, colour, labels, text.replace("_", " "), spreads.get(row))
     if len(groups) > 1:
         handles = [axes.plot([], [], "o", color=colours[group], label=_plain(" · ".join(group)))[0] for group in groups]
         figure = axes.figure
         figure.legends.clear()
         figure.legend(handles=handles, loc="upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
-    _write_labels(axes, labels)
+    labels.write(axes)
+
+
+def _near(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
+    """The rows of a sweep that its axes cover, and those so far above or below what is swept that it would be squeezed
+    together: often textures and noise floors."""
+    levels = [row.psnr or 0.0 for row in rows if row.point and row.is_method] or [row.psnr or 0.0 for row in rows]
+    reach = FAR * max(max(levels) - min(levels), 2.0)
+    near = [row for row in rows if min(levels) - reach <= (row.psnr or 0.0) <= max(levels) + reach]
+    return near, [row for row in rows if row not in near]
+
+
+def _note(axes: Axes, far: Sequence[Row], labels: Labels) -> None:
+    """Words at the upper edge for what the axes do not cover."""
+    inside = axes.get_window_extent().frozen()
+    for line, row in enumerate(far):
+        above = (row.psnr or 0.0) > axes.get_ylim()[1]
+        words = f"{'above' if above else 'below'} these axes: {tables.method_name(row)} {row.psnr:.1f} dB"
+        place = inside.x0 + 5, inside.y1 - 14 - 14 * line
+        text = axes.text(*place, _plain(words), transform=None, color=FAINT, size=8.5)
+        labels.taken.append(text.get_window_extent())
 
 
 def _colours(groups: dict[tables.Group, list[Row]], points: Sequence[Row]) -> dict[Any, str]:
@@ -217,38 +247,14 @@ def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> 
     labels.points.append((x, y, radius, _plain(text), colour))
 
 
-def _write_labels(axes: Axes, labels: Labels) -> None:
-    """Each label at the nearest free place around its point, with a thin line to it where that is far."""
-    inside = axes.get_window_extent().frozen()
-    for x, y, radius, text, colour in labels.points:
-        written = axes.text(x, y, text, transform=None, color=colour, size=9, ha="left", va="bottom", zorder=4)
-        extent = written.get_window_extent()
-        box = min(
-            _places(x, y, radius, extent.width, extent.height), key=lambda each: _cost(each, labels.taken, inside)
-        )
-        written.set_position((box.x0, box.y0))
-        labels.taken.append(box)
-        near = min(max(x, box.x0), box.x1), min(max(y, box.y0), box.y1)
-        if hypot(near[0] - x, near[1] - y) > radius + 12:
-            axes.plot((x, near[0]), (y, near[1]), transform=None, color=colour, linewidth=0.7, zorder=2)
-
-
-def _places(x: float, y: float, radius: float, width: float, height: float) -> Iterator[Bbox]:
-    """Boxes around a point, the nearest first: right, above, below, left, then between these."""
-    for distance, turn in product((4, 14, 26, 40, 58, 80), (0, 2, 6, 4, 1, 7, 3, 5)):
-        right, up = round(cos(turn * pi / 4), 9), round(sin(turn * pi / 4), 9)
-        reach = radius + distance
-        left = x + right * reach - width * (1 - right) / 2
-        bottom = y + up * reach - height * (1 - up) / 2
-        yield Bbox.from_bounds(left, bottom, width, height)
-
-
-def _cost(box: Bbox, taken: Sequence[Bbox], inside: Bbox) -> float:
-    """Pixels squared that a label would hide, or lose beyond the axes."""
-    hidden = sum(_overlap(box, other) for other in taken)
-    return hidden + 4 * (box.width * box.height - _overlap(box, inside))
-
-
-def _overlap(a: Bbox, b: Bbox) -> float:
-    common = Bbox.intersection(a, b)
-    return 0.0 if common is None else common.width * common.height
+def _draw_sweep_point(
+    axes: Axes, row: Row, key: str, colour: str, labels: Labels, text: str, spread: Spread | None
+) -> None:
+    cost, accuracy = getattr(row, key), row.psnr or 0.0
+    reach = spread.psnr if spread else 0.0
+    bar = {"elinewidth": 1.1, "capsize": 3, "capthick": 1.1}
+    axes.errorbar(cost, accuracy, reach or None, fmt="o", color=colour, markersize=5.5, alpha=0.9, zorder=3, **bar)
+    (x, low), (_, high) = axes.transData.transform([(cost, accuracy - reach), (cost, accuracy + reach)])
+    radius = 5.0
+    labels.taken.append(Bbox.from_extents(x - radius, low - radius, x + radius, high + radius))
+    labels.points.append((x, (low + high) / 2, radius, _plain(text), colour))

@@ -6,8 +6,9 @@ differ in it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from prtnet.score import Row
@@ -96,6 +97,24 @@ LEGEND = (
 )
 
 
+SPREAD_LEGEND = (
+    "After ±: the sample standard deviation of PSNR over the seeds of training, with their number in brackets; all "
+    "figures of such a row are means over them."
+)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far the rows of several seeds of training, shown as one, lie apart."""
+
+    psnr: float  # dB, sample standard deviation
+    seeds: int
+
+
+Spreads = Mapping[Row, Spread | None]
+NO_SPREADS: Spreads = MappingProxyType({})
+
+
 @dataclass(frozen=True)
 class Cell:
     """What a table shows of one number."""
@@ -134,7 +153,7 @@ def method_name(row: Row) -> str:
     return ", ".join(filter(None, (row.method.replace("_", " "), row.point)))
 
 
-def grids(rows: Sequence[Row], without: Sequence[str] = ()) -> list[Grid]:
+def grids(rows: Sequence[Row], without: Sequence[str] = (), spreads: Spreads = NO_SPREADS) -> list[Grid]:
     """One grid per group, all with the same columns: those that some row has a value for."""
     columns = [
         column
@@ -144,21 +163,23 @@ def grids(rows: Sequence[Row], without: Sequence[str] = ()) -> list[Grid]:
     groups: dict[Group, list[Row]] = {}
     for row in ordered(rows):
         groups.setdefault(group_of(row), []).append(row)
-    return [_grid(group, members, columns) for group, members in groups.items()]
+    return [_grid(group, members, columns, spreads) for group, members in groups.items()]
 
 
-def _grid(group: Group, rows: list[Row], columns: Sequence[Column]) -> Grid:
+def _grid(group: Group, rows: list[Row], columns: Sequence[Column], spreads: Spreads) -> Grid:
     views = "/".join(str(count) for count in sorted({row.views for row in rows if not row.is_noise_floor} or {1}))
     heading = f"{' · '.join(group)} ({views} view{'s' * (views != '1')})"
-    lines = tuple(tuple(_cell(row, column, rows) for column in columns) for row in rows)
+    lines = tuple(tuple(_cell(row, column, rows, spreads.get(row)) for column in columns) for row in rows)
     return Grid(heading, tuple(column.title for column in columns), tuple(rows), lines)
 
 
-def _cell(row: Row, column: Column, rows: Sequence[Row]) -> Cell:
+def _cell(row: Row, column: Column, rows: Sequence[Row], spread: Spread | None) -> Cell:
     value = method_name(row) if column.key == "method" else getattr(row, column.key)
     if value is None:
         return Cell("-")
     text = column.write(value)
+    if spread and column.key == "psnr":
+        text += f" ± {column.write(spread.psnr)} ({spread.seeds})"
     if column.best is None:
         return Cell(_shorten(text) if isinstance(value, str) else text)
     rivals = [other for other in rows if other.reference == row.reference and other.is_method]
@@ -201,17 +222,18 @@ def _text(grid: Grid) -> list[str]:
     return [_shorten(grid.heading, WIDTH), lines[0], rule, *lines[1:], ""]
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[Row], spreads: Spreads = NO_SPREADS) -> str:
     """The rows as Markdown tables, one per scene, material and light, the best numbers bold, and a legend."""
     parts = []
-    for grid in grids(rows):
+    for grid in grids(rows, spreads=spreads):
         marks = [":--" if title in ("method", "against") else "--:" for title in grid.titles]
         lines = [
             [f"**{cell.text}**" if cell.best else escape_markdown(cell.text) for cell in line] for line in grid.lines
         ]
         body = "\n".join(f"| {' | '.join(line)} |" for line in (grid.titles, marks, *lines))
         parts.append(f"{escape_markdown(grid.heading)}\n\n{body}\n")
-    return "\n".join([*parts, LEGEND + "\n"])
+    legend = f"{LEGEND} {SPREAD_LEGEND}" if any(spreads.values()) else LEGEND
+    return "\n".join([*parts, legend + "\n"])
 
 
 def escape_markdown(text: str) -> str:

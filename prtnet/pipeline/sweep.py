@@ -23,7 +23,7 @@ def summarise(base: Path) -> None:
         score.write(base / "score.json", rows, score.versions())
         shown, count = points.side_by_side(rows), len({row.point for row in rows})
         title = f"# {tables.escape_markdown(base.name)}\n\n{count} point{'s' * (count != 1)}"
-        store.write_text(base / "table.md", f"{title}\n\n{tables.markdown(shown)}")
+        store.write_text(base / "table.md", f"{title}\n\n{tables.markdown(list(shown), shown)}")
         if any(row.reference == "traced" and row.psnr is not None for row in shown):
             plot.panels(base / "chart.png", shown, title=base.name.replace("_", " "))
     log.info("sweep: %d points in %s", count, base / "table.md")

@@ -10,7 +10,9 @@ from PIL import Image
 
 from prtnet import PrtnetError
 from prtnet.chart import plot
-from tests.rows import BOTH_REFERENCES, FLOOR, NET, ROWS, TWO_SCENES
+from prtnet.chart.labels import Labels, extents, overlap
+from prtnet.chart.tables import Spread
+from tests.rows import BOTH_REFERENCES, FLOOR, NET, ROWS, TEXTURE, TWO_SCENES
 
 POINTS = st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(10, 60)), max_size=20)
 
@@ -55,17 +57,41 @@ def test_chart_draws_one_reference_only(tmp_path: Path) -> None:
         plot.pareto(tmp_path / "none.png", ROWS, reference="texture")
 
 
+@pytest.mark.parametrize("scenes", [1, 4])
+def test_a_sweep_has_a_line_of_panels_for_each_scene(tmp_path: Path, scenes: int) -> None:
+    rows = [
+        replace(row, scene=f"scene {i}", point=point)
+        for i in range(scenes)
+        for row, point in ((NET, "a"), (replace(NET, psnr=40.0, macs=900), "$b$"), (TEXTURE, None), (FLOOR, None))
+    ]
+    spreads = {row: Spread(0.4, 3) if row.point == "a" else None for row in rows}
+    plot.panels(tmp_path / "a.png", spreads, title="$x$")
+    plot.panels(tmp_path / "b.png", dict(reversed(spreads.items())), title="$x$")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    plot.panels(tmp_path / "bare.png", dict.fromkeys(rows), title="$x$")
+    assert (tmp_path / "a.png").read_bytes() != (tmp_path / "bare.png").read_bytes()
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (1782, 55 + 484 * scenes)
+
+
+def test_axes_of_a_sweep_keep_to_what_is_swept() -> None:
+    swept = [replace(NET, psnr=level, point=str(level)) for level in (33.0, 34.0, 36.0)]
+    above, below = replace(TEXTURE, psnr=40.0), replace(TEXTURE, psnr=29.0, method="vertex")
+    close = replace(FLOOR, psnr=38.9)
+    assert plot._near([*swept, above, below, close]) == ([*swept, close], [above, below])
+
+
 def test_labels_keep_off_points_and_each_other() -> None:
     figure = plot._figure(6, 5)
     axes = figure.add_axes((0.1, 0.1, 0.85, 0.85))
     points = [(200.0 + 9 * i, 250.0 + 5 * (i % 3), 8.0, f"method {i}", "black") for i in range(8)]
     discs = [Bbox.from_extents(x - r, y - r, x + r, y + r) for x, y, r, _, _ in points]
-    plot._write_labels(axes, plot.Labels(points, list(discs)))
+    Labels(points, list(discs)).write(axes)
     boxes = [text.get_window_extent() for text in axes.texts]
     assert len(boxes) == 8
     for index, box in enumerate(boxes):
         others = [*discs, *boxes[:index]]
-        assert max(plot._overlap(box, other) for other in others) < 0.02 * box.width * box.height
+        assert max(overlap(extents([box]), extents([other])) for other in others) < 0.02 * box.width * box.height
         assert axes.get_window_extent().containsx(box.x0)
         assert axes.get_window_extent().containsx(box.x1)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from prtnet import score
-from prtnet.chart import plot, points, tables
+from prtnet.chart import points, tables
 from prtnet.pipeline import run, sweep
 from tests.pipeline.test_pipeline import config
 from tests.rows import FLOOR, NET, TEXTURE
@@ -120,11 +120,3 @@ def test_rows_that_differ_stay_and_equal_ones_become_one():
         "texture",
         *(f"net, {recipe}, width={width}" for recipe in ("a", "b") for width in (8, 16)),
     ]
-
-
-@pytest.mark.parametrize("count", [1, 4])
-def test_a_chart_has_a_panel_for_each_group(tmp_path, count):
-    rows = [replace(row, scene=f"scene {i}") for i in range(count) for row in (NET, TEXTURE, FLOOR)]
-    plot.panels(tmp_path / "a.png", rows, title="$x$")
-    plot.panels(tmp_path / "b.png", rows[::-1], title="$x$")
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

@@ -3,8 +3,10 @@
 import logging
 from typing import Any
 
-from prtnet import score, store
-from prtnet.chart import plot, sheet, tables
+import numpy as np
+
+from prtnet import netspec, score, sh, store
+from prtnet.chart import lobes, plot, sheet, tables
 from prtnet.chart import report as pages
 from prtnet.pipeline.bake import Baked, NetPoints
 from prtnet.pipeline.export import Exported
@@ -25,6 +27,7 @@ FILES = {
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "transfer_vertices.glb": "the same mesh for other programs, transfer as attributes _PRT_0, _PRT_1, ...",
     "pictures": "the first view of each method as the display options of this run show it",
+    "lobes.png": "transfer of four held-out points on the sphere: the truth, the net's, their difference",
     "score.json": "the scores below, for programs",
     "export.json": "the measured error of the shader",
     "config.yaml": "every key of this run",
@@ -36,6 +39,7 @@ def report(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
     out, page = job.out, job.out / "report.html"
     stamp = out / ".report.key"
     written = [page, out / "score.json", out / "card.md", out / "contact_sheet.png", out / "chart.png"]
+    written += [out / "lobes.png"] if trained and baked.points else []
     if not (stamp.exists() and stamp.read_text() == scored.key and all(path.exists() for path in written)):
         _write(job, baked, trained, exported, scored)
         store.write_text(stamp, scored.key)
@@ -59,6 +63,10 @@ def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         "Views, methods and 8 x their errors": out / "contact_sheet.png",
         "Accuracy against cost": out / "chart.png",
     }
+    if trained and baked.points:
+        _lobes(job, baked.points, trained)
+        caption = "Transfer of held-out points: the sphere about the normal, the horizon dashed"
+        pictures[caption] = out / "lobes.png"
     facts = _facts(job, baked, trained, exported, scored)
     files = {name: words for name, words in FILES.items() if (out / name).exists() or name == "score.json"}
     pages.card(out / "card.md", rows, facts, pictures, title=title, files=files)
@@ -73,6 +81,18 @@ def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         versions=versions,
         command=job.command,
     )
+
+
+def _lobes(job: Job, points: NetPoints, trained: Trained) -> None:
+    """Direct transfer of the held-out points at which the net is best and worst, and of two between."""
+    areas, count = points.areas, sh.count(job.config.transfer.bands)
+    predicted = netspec.evaluate_unit(trained.net, areas.positions, areas.normals)[:, :count]
+    truth = areas.transfer[:, :count]
+    errors = lobes.rmse(predicted, truth)
+    shown = lobes.chosen(errors)
+    title = f"{job.scene.name}: transfer of held-out points, RMSE of all {np.sqrt(np.mean(errors**2)):.4f}"
+    names, few = list(shown), list(shown.values())
+    lobes.picture(job.out / "lobes.png", predicted[few], truth[few], areas.normals[few], names=names, title=title)
 
 
 def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, scored: Scored) -> dict[str, Any]:

@@ -53,6 +53,7 @@ def test_a_run_leaves_everything_in_its_folder(finished):
         "report.html",
         "contact_sheet.png",
         "chart.png",
+        "lobes.png",
         "config.yaml",
     ):
         assert (finished / name).stat().st_size > 0, name

@@ -1,6 +1,7 @@
 """The one Hydra app: `prtnet ...` or `python -m prtnet ...`."""
 
 import logging
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from prtnet import PrtnetError, config
 
 PACKAGE = Path(__file__).resolve().parent
+COMMAND = "PRTNET_COMMAND"  # as it was typed: the processes of a launcher see the environment, and only their own point
 
 
 class PointFailed(CompactHydraException):
@@ -32,6 +34,8 @@ def _job(composed: DictConfig) -> None:
     # the heavy imports wait until there is work: --help and --cfg stay quick
     from prtnet import pipeline
 
+    # here, since a launcher's processes never see main
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
     try:
         options = OmegaConf.to_object(composed)
         assert isinstance(options, config.Config)
@@ -46,10 +50,11 @@ def _job(composed: DictConfig) -> None:
         raise SystemExit(130) from None
 
 
-def _point() -> tuple[str, str | None]:
-    """The command of this job, and what tells it from the others of a sweep (None outside sweeps)."""
+def _point() -> tuple[str, str | None, str]:
+    """The command of this job, what tells it from the others of a sweep (None outside sweeps), the whole command."""
     settings = HydraConfig.get()
-    return shlex.join(["prtnet", *settings.overrides.task]), settings.job.override_dirname if _swept() else None
+    own = shlex.join(["prtnet", *settings.overrides.task])
+    return own, settings.job.override_dirname if _swept() else None, os.environ.get(COMMAND, own)
 
 
 def _swept() -> bool:
@@ -78,8 +83,8 @@ def _with_point_names(arguments: list[str]) -> list[str]:
 
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 a key or value refused, 2 a PrtnetError, 130 interrupted."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
     config.register()
+    os.environ[COMMAND] = shlex.join(["prtnet", *sys.argv[1:]])
     sys.argv[1:] = _with_point_names(sys.argv[1:])
     try:
         _job()

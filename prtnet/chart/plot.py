@@ -147,7 +147,9 @@ def _panel(
         axes.set(xticks=[], yticks=[])
         axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color=FAINT)
         return
-    _limits(axes, [getattr(row, key) for row in points], [row.psnr or 0.0 for row in rows])
+    bars = [_reach(row, spreads) for row in rows]
+    ends = [(row.psnr or 0.0) + end for row, bar in zip(rows, bars, strict=True) for end in (-bar, bar)]
+    _limits(axes, [getattr(row, key) for row in points], ends)
     colours = _colours(groups, points)
     labels = Labels()
     _note(axes, far, labels)
@@ -165,7 +167,7 @@ def _panel(
             else:
                 named = len({row.method for row in points if row.point}) > 1 or not row.point
                 text = tables.method_name(row) if named else row.point or ""
-                _draw_sweep_point(axes, row, key, colour, labels, text.replace("_", " "), spreads.get(row))
+                _draw_sweep_point(axes, row, key, colour, labels, text.replace("_", " "), _reach(row, spreads))
     if len(groups) > 1:
         handles = [axes.plot([], [], "o", color=colours[group], label=_plain(" · ".join(group)))[0] for group in groups]
         figure = axes.figure
@@ -181,6 +183,12 @@ def _near(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
     reach = FAR * max(max(levels) - min(levels), 2.0)
     near = [row for row in rows if min(levels) - reach <= (row.psnr or 0.0) <= max(levels) + reach]
     return near, [row for row in rows if row not in near]
+
+
+def _reach(row: Row, spreads: Mapping[Row, Spread | None] | None) -> float:
+    """Half the length of a row's bar, dB."""
+    spread = spreads.get(row) if spreads else None
+    return spread.psnr if spread else 0.0
 
 
 def _note(axes: Axes, far: Sequence[Row], labels: Labels) -> None:
@@ -247,11 +255,8 @@ def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> 
     labels.points.append((x, y, radius, _plain(text), colour))
 
 
-def _draw_sweep_point(
-    axes: Axes, row: Row, key: str, colour: str, labels: Labels, text: str, spread: Spread | None
-) -> None:
+def _draw_sweep_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels, text: str, reach: float) -> None:
     cost, accuracy = getattr(row, key), row.psnr or 0.0
-    reach = spread.psnr if spread else 0.0
     bar = {"elinewidth": 1.1, "capsize": 3, "capthick": 1.1}
     axes.errorbar(cost, accuracy, reach or None, fmt="o", color=colour, markersize=5.5, alpha=0.9, zorder=3, **bar)
     (x, low), (_, high) = axes.transData.transform([(cost, accuracy - reach), (cost, accuracy + reach)])

@@ -82,6 +82,19 @@ def common(words: Iterable[Sequence[str]]) -> list[str]:
     return [word for word in lists[0] if all(word in other for other in lists)] if lists else []
 
 
+def options(point: str) -> dict[str, str | float]:
+    """What a point's name (`a.x=1,b=2`) says of each key, numbers as numbers."""
+    pairs = (word.partition("=") for word in _split(point))
+    return {key: _number(value) for key, _, value in pairs}
+
+
+def _number(value: str) -> str | float:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
 def _split(point: str) -> list[str]:
     """At commas, but not at those inside of brackets."""
     return re.split(r",(?![^\[({]*[\])}])", point) if point else []

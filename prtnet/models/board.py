@@ -1,5 +1,7 @@
-"""TensorBoard: scalars of a training run and pictures of its held-out points."""
+"""TensorBoard: scalars of a training run, pictures of its held-out points, and its line in a sweep."""
 
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,16 @@ class Board:
 
     def close(self) -> None:
         self._writer.close()
+
+
+def hyperparameters(folder: Path, options: Mapping[str, str | float | bool], metrics: Mapping[str, float]) -> None:
+    """One line of TensorBoard's tab HPARAMS: what a run chose, and what it reached. What stood in the folder before,
+    of the same run, is dropped."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    shutil.rmtree(folder, ignore_errors=True)
+    with SummaryWriter(str(folder)) as writer:
+        writer.add_hparams(dict(options), dict(metrics), run_name=".")
 
 
 def comparison(predicted: Float[Array, "n k"], truth: Float[Array, "n k"]) -> Float[Array, "h w 3"]:

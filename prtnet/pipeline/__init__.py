@@ -9,9 +9,9 @@ from pathlib import Path
 from prtnet.config import STAGES, Config
 
 
-def run(config: Config, command: str = "", sweep_point: str | None = None) -> None:
+def run(config: Config, command: str = "", sweep_point: str | None = None, sweep_command: str = "") -> None:
     """Run a job. `command` is shown in its report; a point of a sweep gets a folder of its own
-    and joins the summary in the folder above.
+    and joins the summary in the folder above, which says the whole sweep's command.
 
     Raises PrtnetError for whatever the user can mend.
     """
@@ -40,6 +40,8 @@ def run(config: Config, command: str = "", sweep_point: str | None = None) -> No
             write_pictures(job, baked, network, exported, scored)
             report(job, baked, network, exported, scored)
             if sweep_point:
-                from prtnet.pipeline.sweep import summarise
+                from prtnet.pipeline.sweep import log_point, summarise
 
-                summarise(job.out.parents[len(Path(sweep_point).parts) - 1])
+                if network:
+                    log_point(job, sweep_point, scored, network)
+                summarise(job.out.parents[len(Path(sweep_point).parts) - 1], sweep_command)

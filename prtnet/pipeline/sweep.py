@@ -1,4 +1,7 @@
-"""What a sweep found: score.json, table.md and chart.png beside its points, made anew as each of them ends."""
+"""What a sweep found: score.json, table.md, chart.png and command.txt beside its points, made anew as each point ends.
+
+Each point has besides its own line of TensorBoard's tab HPARAMS.
+"""
 
 import logging
 import re
@@ -8,19 +11,41 @@ from pathlib import Path
 
 from prtnet import PrtnetError, score, store
 from prtnet.chart import plot, points, tables
+from prtnet.models import board
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.score import Scored
+from prtnet.pipeline.train import Trained
 from prtnet.score import Row
+
+METRICS = ("psnr", "psnr_worst", "ssim", "macs", "bytes", "ms_ratio")
 
 log = logging.getLogger(__name__)
 
 
-def summarise(base: Path) -> None:
-    """Write the summary of all points below a sweep's folder that have been scored; what fails leaves the rest."""
+def log_point(job: Job, point: str, scored: Scored, trained: Trained) -> None:
+    """Write the net's line of TensorBoard's tab HPARAMS: what was swept, and what it gave against `traced`."""
+    folder = job.out / "tensorboard" / "point"
+    stamp = folder / ".key"
+    if stamp.exists() and stamp.read_text() == scored.key:
+        return
+    row = next(row for row in scored.rows if row.method == "net" and row.reference == "traced")
+    figures = {key: getattr(row, key) for key in METRICS} | {"transfer_rmse": trained.facts["areas_rmse"]}
+    found = {key: float(value) for key, value in figures.items() if value is not None}
+    board.hyperparameters(folder, points.options(point), found)
+    store.write_text(stamp, scored.key)
+
+
+def summarise(base: Path, command: str = "") -> None:
+    """Write the summary of all points below a sweep's folder that have been scored, and the sweep's command; what fails
+    leaves the rest."""
     # points that end together write one after the other, so that the last one has seen them all
     with store.alone(base / ".sweep.lock"):
         rows = _rows(base)
         if not rows:
             return
         score.write(base / "score.json", rows, score.versions())
+        if command:
+            store.write_text(base / "command.txt", f"{command}\n")
         shown, count = points.side_by_side(rows), len({row.point for row in rows})
         title = f"# {tables.escape_markdown(base.name)}\n\n{count} point{'s' * (count != 1)}"
         store.write_text(base / "table.md", f"{title}\n\n{tables.markdown(list(shown), shown)}")

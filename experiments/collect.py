@@ -4,19 +4,27 @@
     python experiments/collect.py recipes default=runs/a published=runs/b
 
 A folder may be named: its networks are then listed as `net NAME`, so that runs of one scene can stand side by side.
+
+    python experiments/collect.py --sweep network_size
+
+takes what a sweep has written of itself in runs/network_size into experiments/network_size/results, with the lobes of
+its default recipe and the commit it was collected at.
 """
 
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
 
-from prtnet import score, store
+from prtnet import PrtnetError, score, store
 from prtnet.chart import plot, tables
 
-RESULTS = Path(__file__).parent / "results"
+STUDIES = Path(__file__).parent
+RESULTS = STUDIES / "results"
+SUMMARY = ("score.json", "table.md", "chart.png")
 
 
 def rows_of(label: str, run: Path) -> list[score.Row]:
@@ -43,6 +51,30 @@ def collect(name: str, runs: list[tuple[str, Path]]) -> None:
     print(tables.table(kept))
 
 
+def collect_sweep(sweep: Path, folder: Path) -> None:
+    """Copy a sweep's summary. Its lobes are those of the point `ablation=none` with the first scene and seed."""
+    missing = [name for name in (*SUMMARY, "command.txt") if not (sweep / name).exists()]
+    lobes = sorted(sweep.glob("*/lobes.png"))
+    if missing or not lobes:
+        raise PrtnetError(f"{sweep}: no {(missing or ['lobes.png'])[0]}, expected a finished sweep with nets")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name in SUMMARY:
+        shutil.copyfile(sweep / name, folder / name)
+    default = [file for file in lobes if "ablation=none" in file.parent.name.split(",")]
+    shutil.copyfile((default or lobes)[0], folder / "lobes.png")
+    command = (sweep / "command.txt").read_text(encoding="utf-8")
+    store.write_text(folder / "command.txt", f"{command}# collected at commit {_commit()}\n")
+
+
+def _commit() -> str:
+    """The commit of this checkout, and whether files differ from it."""
+    git = ["git", "-C", str(STUDIES)]
+    commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "../prtnet", "../configs"], check=False).returncode
+    return f"{commit}{' with changes' if changed else ''}"
+
+
 def _named(argument: str) -> tuple[str, Path]:
     label, _, path = argument.partition("=")
     # the folders of sweeps have a "=" in their own names
@@ -52,4 +84,8 @@ def _named(argument: str) -> tuple[str, Path]:
 if __name__ == "__main__":
     if len(sys.argv) < 3:
         sys.exit(__doc__)
+    if sys.argv[1] == "--sweep":
+        for name in sys.argv[2:]:
+            collect_sweep(Path("runs") / name, STUDIES / name / "results")
+        sys.exit()
     collect(sys.argv[1], [_named(argument) for argument in sys.argv[2:]])

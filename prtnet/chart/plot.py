@@ -165,8 +165,8 @@ def _panel(
             if spreads is None:
                 _draw_point(axes, row, key, colour, labels)
             else:
-                named = len({row.method for row in points if row.point}) > 1 or not row.point
-                text = tables.method_name(row) if named else row.point or ""
+                # in a sweep with nets these are what it is about
+                text = row.point if row.method == "net" and row.point else tables.method_name(row)
                 _draw_sweep_point(axes, row, key, colour, labels, text.replace("_", " "), _reach(row, spreads))
     if len(groups) > 1:
         handles = [axes.plot([], [], "o", color=colours[group], label=_plain(" · ".join(group)))[0] for group in groups]

@@ -156,6 +156,8 @@ def test_processes_wait_for_the_one_that_makes_an_artifact(tmp_path):
 
 
 def test_a_lock_is_given_back_when_its_block_fails(tmp_path):
+    (tmp_path / "locks").mkdir()
+    (tmp_path / "locks" / "a").touch()  # of a process that was killed
     for _ in range(2):
         with pytest.raises(RuntimeError), store.alone(tmp_path / "locks" / "a"):
             raise RuntimeError

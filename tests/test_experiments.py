@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ def composed(*arguments: str, hydra: bool = False) -> DictConfig:
         return compose("config", list(arguments), return_hydra_config=hydra)
 
 
+@cache
 def options_of(*arguments: str) -> Config:
     return OmegaConf.to_object(composed(*arguments))
 

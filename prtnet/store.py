@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import safetensors
@@ -55,22 +55,25 @@ def atomic(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         temporary.replace(path)
     except (OSError, safetensors.SafetensorError) as error:
-        raise PrtnetError(
-            f"{path}: could not be written ({error}), expected a folder that can be written and has space left; make"
-            " room, or choose another with out= and cache="
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 
+def _unwritable(path: Path, error: Exception) -> PrtnetError:
+    return PrtnetError(
+        f"{path}: could not be written ({error}), expected a folder that can be written and has space left; make"
+        " room, or choose another with out= and cache="
+    )
+
+
 @contextmanager
 def alone(lock: Path) -> Iterator[None]:
     """Processes that name the same lock file are inside one after the other. A process that ends, however it does,
-    gives the lock back."""
-    lock.parent.mkdir(parents=True, exist_ok=True)
+    gives the lock back. Raises PrtnetError where its folder cannot be written."""
     while True:
-        with lock.open("w") as file:
+        with _opened(lock) as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             if not _same_file(file.fileno(), lock):
                 continue  # the one before has deleted the file that was waited for
@@ -79,6 +82,14 @@ def alone(lock: Path) -> Iterator[None]:
             finally:
                 lock.unlink(missing_ok=True)
             return
+
+
+def _opened(lock: Path) -> IO[str]:
+    try:
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        return lock.open("w")
+    except OSError as error:
+        raise _unwritable(lock, error) from error
 
 
 def _same_file(descriptor: int, path: Path) -> bool:

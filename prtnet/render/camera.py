@@ -1,7 +1,7 @@
 """Cameras, and the paths they follow: an orbit around objects, a walk inside rooms. Unit coordinates throughout."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, radians, tan
 
 import numpy as np
@@ -128,7 +128,14 @@ def _orbit(scene: Scene, tracer: Tracer, views: int) -> list[Camera]:
         shown = np.mean([coverage(scene, tracer, camera) for camera in cameras[:: max(1, views // 8)]])
         if shown >= COVERAGE:
             break
-    return cameras
+    return [_before(camera, points) for camera in cameras]
+
+
+def _before(camera: Camera, points: Float[Array, "n 3"]) -> Camera:
+    """The camera with its near plane moved up to the vertices, of which it cuts off none: a depth buffer tells
+    distances apart by their ratio to that plane's, and faces that all but touch need all it has."""
+    depth = (np.array(camera.eye) - points) @ camera.basis()[2]
+    return replace(camera, near=max(camera.near, 0.99 * float(depth.min())))
 
 
 def _fitting_distance(points: Float[Array, "n 3"], direction: Float[Array, " 3"]) -> float:

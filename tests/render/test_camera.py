@@ -1,13 +1,16 @@
 """Projection, rays, paths."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prtnet import PrtnetError
-from prtnet.data import builtin, samples
+from prtnet.data import atlas, builtin, samples
 from prtnet.data.tracer import Tracer
 from prtnet.render import camera
 from prtnet.render.camera import Camera
+from prtnet.render.raster import Raster
 from tests.assets import asset
 from tests.render.meshes import quad, scene, sphere
 
@@ -61,6 +64,28 @@ def test_orbit_goes_round_once():
     turn = np.unwrap(np.arctan2(eyes[:, 0], eyes[:, 2]))
     assert np.diff(turn) == pytest.approx(np.pi / 6, abs=0.15)
     assert (eyes[:, 1] > 0).all()
+
+
+@pytest.mark.parametrize("name", ["plants", "tea_set", "dining_table", "cornell", "hair"])
+def test_near_plane_of_an_orbit_cuts_nothing_off(name):
+    made = builtin.make(name, tessellation=0.3).centred()
+    for eye in camera.path(made, Tracer(made), 4):
+        clip = np.concatenate([made.vertices, np.ones((len(made.vertices), 1))], axis=1) @ eye.matrix().T
+        ahead = clip[clip[:, 3] > 0]
+        assert (ahead[:, 2] > -ahead[:, 3]).all()
+        assert eye.near > 0.1
+
+
+def test_faces_that_all_but_touch_are_told_apart():
+    """A sheet a hundred-thousandth of the scene above a floor hides it, on screen as for rays."""
+    floor, sheet = quad([-1, 0, 1], [2, 0, 0], [0, 0, -2]), quad([-0.7, 2e-5, 0.6], [1.4, 0, 0], [0.1, 0, -1.2])
+    made = scene(floor, replace(sheet, name="sheet"))
+    tracer, drawing = Tracer(made), Raster(atlas.make(made, size=64), 96)
+    for eye in camera.path(made, tracer, 3):
+        seen = drawing.gbuffer(eye)
+        rays = eye.rays(96).reshape(-1, 3)[seen.pixel]
+        face, _, _ = tracer.hits(np.broadcast_to(eye.eye, rays.shape), rays)
+        assert np.mean(made.part[face] != seen.part) < 0.002
 
 
 def test_inside_eyes_are_free():

@@ -13,6 +13,9 @@ from prtnet.render.material import DIFFUSE, Material, radiance
 
 Array = np.ndarray
 
+# least barycentric weight of a pixel's point: a ray that starts in the very plane of the next face hits it at once
+INSIDE = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
@@ -72,7 +75,8 @@ def barycentric(faces: Float32[Array, "h w 4"]) -> tuple[Int[Array, " n"], Int[A
     face, weights = image[pixel, 0].astype(np.int64) - 1, np.empty((len(pixel), 3))
     # a pixel centre may lie a hair outside of its triangle
     weights[:, 1:] = np.clip(image[pixel, 1:3], 0, 1)
-    weights[:, 0] = np.maximum(1 - weights[:, 1] - weights[:, 2], 0)
+    weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
+    weights = np.maximum(weights, INSIDE)
     return pixel, face, weights / weights.sum(axis=1, keepdims=True)
 
 

@@ -7,9 +7,11 @@ import pytest
 
 from prtnet import PrtnetError, gl, netspec, sh
 from prtnet.data import atlas, builtin, light, quantise, texture
+from prtnet.data.tracer import Tracer
+from prtnet.data.transfer import bake
 from prtnet.export import glsl
 from prtnet.render.camera import Camera
-from prtnet.render.gbuffer import shade
+from prtnet.render.gbuffer import from_faces, shade
 from prtnet.render.material import Material
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
@@ -277,3 +279,19 @@ def test_groups_that_agree_are_one():
     once = TextureMethod(raster, direct).draw(EYE, light)
     four = TextureMethod(raster, np.tile(direct, 4), groups=4).draw(EYE, light)
     np.testing.assert_allclose(four, once, atol=1e-5)
+
+
+def test_a_pixel_in_the_corner_of_two_faces_is_not_black():
+    """Rays from a point exactly in the plane of a wall would all end there."""
+    floor, wall = quad([-1, 0, 1], [2, 0, 0], [0, 0, -2]), quad([-1, 0, 1], [0, 0, -2], [0, 1, 0])
+    made = scene(floor, wall)
+    # (face + 1, b1, b2, 1): on the floor's edge at the wall, and a hair before it
+    corner, near = (0.0, 0.5), (0.0005, 0.5)
+    faces = np.array([[[2.0, *corner, 1.0], [2.0, *near, 1.0]], [[0.0] * 4] * 2], np.float32)
+    found = from_faces(made, faces, np.ones((2, 2, 3), np.float32), (0.0, 0.0, 3.0))
+    transfer = bake(
+        Tracer(made), found.positions.astype(np.float64), found.normals, bands=2, directions=256,
+        rng=np.random.default_rng(0), geometric_normals=found.geometric_normals,
+    )  # fmt: skip
+    np.testing.assert_allclose(transfer[0], transfer[1], atol=0.02)
+    assert transfer[0, 0] > 0.3

@@ -26,7 +26,7 @@ from prtnet.store import Store, write_text
 log = logging.getLogger(__name__)
 
 # part of every key: raised when a stage's result changes for the same inputs
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)

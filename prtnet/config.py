@@ -64,7 +64,8 @@ class TransferOptions:
 
 @dataclass
 class SamplesOptions:
-    count: int = 400_000  # area-uniform training points
+    count: int = 1_600_000  # area-uniform training points
+    directions: int | None = 128  # rays per training point; transfer.directions, as texels have, when left out
     sequence: str = "r2"  # low-discrepancy, or random
     test_count: int = 20_000  # independent points that are never trained on
 

@@ -1,8 +1,7 @@
 """Training recipes: everything of a net and its training but the net's size."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 from prtnet import PrtnetError
 from prtnet.encoding import encoded_size
@@ -32,11 +31,11 @@ class TrainOptions:
     position_frequencies: int = 6  # of the encoding: octaves, the lowest of period 4 (the scene spans 2)
     normal_frequencies: int = 2
     # dense grids of features over [-1, 1]^3 beside the encoding, one for each [x, y, z] number of cells
-    grid_cells: list[list[int]] = field(default_factory=list)
+    grid_cells: list[list[int]] = field(default_factory=lambda: [[16, 8, 16]])
     grid_channels: int = 8  # of each grid, a multiple of 4
     grid_format: str = "float16"  # of the values of grids in the net, dense or hashed: float16 | float32
     # finer grids of so many cells along each axis, whose corners share the entries of a table by a hash
-    hash_cells: list[int] = field(default_factory=list)
+    hash_cells: list[int] = field(default_factory=lambda: [32, 64, 128])
     hash_entries: int = 16384  # of each table, a power of two
     hash_channels: int = 4  # of each table, a multiple of 4
     # what is minimised
@@ -82,6 +81,8 @@ def published() -> TrainOptions:
         residual=False,
         position_frequencies=10,
         normal_frequencies=4,
+        grid_cells=[],
+        hash_cells=[],
         loss="l1",
         band_falloff=0.0,
         dark_weight=0.0,
@@ -95,13 +96,6 @@ def published() -> TrainOptions:
     )
 
 
-# options that came later: recipes that leave them at their defaults keep the keys of their nets
-_LATER = (
-    *("encoding", "sine_omega", "loss_norm", "loss_samples", "grid_cells", "grid_channels", "grid_format"),
-    *("hash_cells", "hash_entries", "hash_channels"),
-    *("loss_gloss", "resample", "resample_correction", "patience"),
-)
-
 MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
 
 HASH_ENTRIES = (256, 1 << 18)  # of a table, least and most: a row of its texture, and a texture of any driver
@@ -113,13 +107,6 @@ def layer_sizes(model: ModelOptions, options: TrainOptions, outputs: int) -> lis
     inputs = encoded_size(options.position_frequencies, options.normal_frequencies, options.encoding)
     inputs += options.grid_channels * len(options.grid_cells) + options.hash_channels * len(options.hash_cells)
     return [inputs, *[model.width] * model.depth, outputs]
-
-
-def settings(options: TrainOptions) -> dict[str, Any]:
-    """The options by name, for keys."""
-    defaults = asdict(TrainOptions())
-    values = asdict(options)
-    return {name: value for name, value in values.items() if name not in _LATER or value != defaults[name]}
 
 
 def check(options: TrainOptions) -> None:

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import torch
@@ -177,7 +177,7 @@ class Run:
         digest = hashlib.sha256()
         for array in (points.positions, points.normals, points.transfer):
             digest.update(np.ascontiguousarray(array).data)
-        settings = recipe.settings(self.options)
+        settings = asdict(self.options)
         settings |= {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
         for field in ("recipe", "precision", "cpu_seconds", "checkpoint_seconds"):
             del settings[field]

@@ -97,7 +97,9 @@ def _net_points(job: Job, radiosity: Radiosity | None) -> NetPoints:
     few = job.rng("vertices").permutation(len(vertices.face))[: options.test_count]
     tested = {"areas": uniform("areas", options.test_count), "vertices": samples.select(vertices, np.sort(few))}
     return NetPoints(
-        _point_set(job, "training", uniform("training", options.count), options.count, rays, radiosity),
+        _point_set(
+            job, "training", uniform("training", options.count), options.count, options.directions or rays, radiosity
+        ),
         *(
             _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, radiosity)
             for purpose, points in tested.items()

@@ -173,6 +173,7 @@ def _check(config: Config) -> None:
         "transfer.bounces": 1,
         "samples.count": 1,
         "samples.test_count": 1,
+        "samples.directions": 1,
         "atlas.size": 16,
         "atlas.dilation": 0,
         "vertex.level": 0,
@@ -188,8 +189,9 @@ def _check(config: Config) -> None:
     values = asdict(config)
     for key, minimum in least.items():
         group, name = key.split(".")
-        if values[group][name] < minimum:
-            raise PrtnetError(f"{key}: found {values[group][name]}, expected at least {minimum}")
+        found = values[group][name]
+        if found is not None and found < minimum:
+            raise PrtnetError(f"{key}: found {found}, expected at least {minimum}")
     if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
         raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     if "lit_texture" in config.methods and config.transfer.transport != "interreflected":

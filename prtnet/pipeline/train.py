@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from prtnet import console, netspec
-from prtnet.models import memory, recipe
+from prtnet.models import memory
 from prtnet.models import train as training
 from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
@@ -30,7 +30,7 @@ class Trained:
 
 def train(job: Job, points: NetPoints) -> Trained:
     """The trained net of this job, with its step count, loss curve and held-out errors as facts."""
-    options = recipe.settings(job.config.train)
+    options = asdict(job.config.train)
     # how often a run is saved changes nothing of its result; a fixed step count leaves the time without meaning
     del options["checkpoint_seconds"]
     if options["steps"] is not None:

@@ -33,7 +33,7 @@ def test_one_cycle_has_its_peak_at_three_tenths():
 
 
 def test_muon_leaves_a_net_of_one_hidden_layer_to_adam():
-    net = Mlp(ModelOptions(8, 1), TrainOptions(), 3, torch.Generator().manual_seed(0))
+    net = Mlp(ModelOptions(8, 1), TrainOptions(grid_cells=[], hash_cells=[]), 3, torch.Generator().manual_seed(0))
     (adam,) = optimiser.make(net, TrainOptions(optimiser="muon"))
     assert len(adam.param_groups[0]["params"]) == 4
 

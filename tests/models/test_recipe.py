@@ -29,14 +29,6 @@ def test_the_configuration_holds_the_same_figures(name, options):
     assert not left_out or all(asdict(options)[key] == asdict(TrainOptions())[key] for key in left_out)
 
 
-def test_keys_of_recipes_know_nothing_of_options_they_do_not_use():
-    """Nets trained before an option existed are found again."""
-    assert "encoding" not in recipe.settings(TrainOptions())
-    assert recipe.settings(TrainOptions(encoding="triangle")) == recipe.settings(TrainOptions()) | {
-        "encoding": "triangle"
-    }
-
-
 def test_recipes_pass_their_own_check():
     recipe.check(published())
     recipe.check(TrainOptions())

@@ -19,7 +19,14 @@ from tests.nets import random_points
 
 MODEL = ModelOptions(16, 2)
 SHORT = TrainOptions(
-    batch=256, position_frequencies=3, normal_frequencies=1, precision="float32", device="cpu", optimiser="adam"
+    batch=256,
+    position_frequencies=3,
+    normal_frequencies=1,
+    grid_cells=[],
+    hash_cells=[],
+    precision="float32",
+    device="cpu",
+    optimiser="adam",
 )
 
 

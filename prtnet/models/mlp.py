@@ -65,7 +65,7 @@ class Mlp(nn.Module):
         call of torch's kernel; scaling the first and last matrix and the biases costs nothing beside it.
         """
         weights, biases = list(self.weights), list(self.biases)
-        if self.head.activation == "hard_gelu":
+        if self.head.activation == "hard_gelu" and len(weights) > 1:
             weights[0], weights[-1] = weights[0] * 3, weights[-1] / 3
             biases = [bias * 3 for bias in biases[:-1]] + biases[-1:]
         return weights, biases

@@ -12,7 +12,7 @@ from prtnet.models.soap import Soap
 def make(net: Mlp, options: TrainOptions) -> list[torch.optim.Optimizer]:
     """Adam for all; or SOAP for matrices, or Muon (Jordan et al. 2024) for the hidden ones, and Adam for the rest.
 
-    With one hidden layer there is no matrix between two, and Muon leaves all to Adam.
+    With at most one hidden layer there is no matrix between two, and Muon leaves all to Adam.
     """
     matrices = {"adam": [], "muon": list(net.weights[1:-1]), "soap": list(net.weights)}[options.optimiser]
     rest = [parameter for parameter in net.parameters() if all(parameter is not matrix for matrix in matrices)]

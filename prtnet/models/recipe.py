@@ -12,7 +12,11 @@ class ModelOptions:
     """The size of the network. It stands here, without torch, so that the command line stays quick."""
 
     width: int = 64  # neurons of each hidden layer
-    depth: int = 4  # hidden layers; the output layer comes on top
+    depth: int = 4  # hidden layers; the output layer comes on top, and is all there is where this is 0
+
+    def words(self) -> str:
+        """For titles."""
+        return f"{self.depth} layers of {self.width}" if self.depth else "no hidden layer"
 
 
 @dataclass

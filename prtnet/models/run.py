@@ -202,9 +202,10 @@ def fast_bfloat16(device: torch.device) -> bool:
 
 
 def _check_points(points: Points, model: ModelOptions, steps: int) -> None:
-    if min(model.width, model.depth, steps) < 1:
+    if min(model.width, model.depth + 1, steps) < 1:
         raise PrtnetError(
-            f"model: found width {model.width}, depth {model.depth} and {steps} steps, expected 1 or more of each"
+            f"model: found width {model.width}, depth {model.depth} and {steps} steps, expected 1 or more of each, but"
+            " 0 for a depth without hidden layers"
         )
     count = len(points.transfer)
     if not count or len(points.positions) != count or len(points.normals) != count:

@@ -178,7 +178,7 @@ def _check(config: Config) -> None:
         "atlas.dilation": 0,
         "vertex.level": 0,
         "model.width": 1,
-        "model.depth": 1,
+        "model.depth": 0,
         "train.batch": 1,
         "render.size": 16,
         "render.views": 1,

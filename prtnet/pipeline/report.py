@@ -53,7 +53,7 @@ def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
     score.write(out / "score.json", rows, versions)
     title = f"{job.scene.name}: transfer"
     if trained:
-        title += f" in a network of {trained.facts['depth']} layers of {trained.facts['width']}"
+        title += f" in a network of {job.config.model.words()}"
     frames = {name: list(images) for name, images in scored.frames.items() if name != "covered"}
     covered = list(scored.frames["covered"])
     numbers = scored.facts["shown_views"]

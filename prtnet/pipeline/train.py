@@ -49,7 +49,7 @@ def train(job: Job, points: NetPoints) -> Trained:
 def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Artifact:
     steps, rate = _steps(job, points, inputs)
     options, model = job.config.train, job.config.model
-    title = f"train: {steps} steps of {options.batch} points, {model.depth} layers of {model.width}, {options.recipe}"
+    title = f"train: {steps} steps of {options.batch} points, {model.words()}, {options.recipe}"
     needed = memory.needed(model, options, *points.training.transfer.shape[::-1])
     console.estimate(title, seconds=steps / rate, memory=needed, disk=1e5)
     checkpoint = job.store.path("net", inputs, ".checkpoint.safetensors")

@@ -31,6 +31,7 @@ def test_literals_read_back_as_the_same_float32(value):
         {"activation": "sine", "encoding": "triangle"},
         {"activation": "sine", "encoding": "frequency"},
         {"activation": "relu", "encoding": "identity"},
+        {"encoding": "identity", "residual": True, "output": "linear", "depth": 0},
         {"grids": (random_grid(5, 4, 3), random_grid(2, 2, 2, channels=4))},
         {"hashes": (random_hash(48, channels=8), random_hash(128))},
         {"activation": "silu", "output": "linear", "residual": True, "bands": 7},

@@ -26,6 +26,17 @@ def test_torch_and_its_spec_agree(activation, output, residual):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("activation", ["hard_gelu", "sine", "relu"])
+@pytest.mark.parametrize("output", netspec.OUTPUTS)
+def test_without_a_hidden_layer_the_net_is_linear(activation, output):
+    net = _net(TrainOptions(activation=activation, output=output, sine_omega=30.0, grid_cells=[[2, 3, 4]]), depth=0)
+    positions, normals = random_points(200)
+    with torch.no_grad():
+        found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()
+    assert [weight.shape for weight in net.spec().weights] == [(16, 6 + 6 * (6 + 2) + 8)]
+    np.testing.assert_allclose(found, netspec.evaluate_unit(net.spec(), positions, normals), rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_torch_and_its_spec_agree_on_the_encoding(encoding):
     net = _net(TrainOptions(encoding=encoding, activation="relu"))

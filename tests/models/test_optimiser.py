@@ -32,10 +32,11 @@ def test_one_cycle_has_its_peak_at_three_tenths():
     assert rates[-1] == 0
 
 
-def test_muon_leaves_a_net_of_one_hidden_layer_to_adam():
-    net = Mlp(ModelOptions(8, 1), TrainOptions(grid_cells=[], hash_cells=[]), 3, torch.Generator().manual_seed(0))
+@pytest.mark.parametrize("depth", [0, 1])
+def test_muon_leaves_a_net_of_one_hidden_layer_or_none_to_adam(depth):
+    net = Mlp(ModelOptions(8, depth), TrainOptions(grid_cells=[], hash_cells=[]), 3, torch.Generator().manual_seed(0))
     (adam,) = optimiser.make(net, TrainOptions(optimiser="muon"))
-    assert len(adam.param_groups[0]["params"]) == 4
+    assert len(adam.param_groups[0]["params"]) == 2 + 2 * depth
 
 
 def test_muon_turns_a_gradient_into_one_of_equal_singular_values():
@@ -54,15 +55,17 @@ def test_muon_turns_a_gradient_into_one_of_equal_singular_values():
     torch.testing.assert_close(turned, torch.eye(16), rtol=0, atol=0.4)
 
 
+@pytest.mark.parametrize("depth", [0, 4])
 @pytest.mark.parametrize(("name", "hidden"), [("adam", slice(0)), ("muon", slice(1, -1)), ("soap", slice(None))])
-def test_each_parameter_has_one_optimiser(name, hidden):
+def test_each_parameter_has_one_optimiser(name, hidden, depth):
     options = TrainOptions(optimiser=name, learning_rate=0.02, matrix_rate=0.3)
-    net = Mlp(ModelOptions(8, 4), options, 5, torch.Generator().manual_seed(0))
+    net = Mlp(ModelOptions(8, depth), options, 5, torch.Generator().manual_seed(0))
     optimisers = optimiser.make(net, options)
     groups = [[id(p) for group in each.param_groups for p in group["params"]] for each in optimisers]
     assert sorted(chain(*groups)) == sorted(id(parameter) for parameter in net.parameters())
-    assert len(groups) == (1 if name == "adam" else 2)
-    if name != "adam":
+    matrices = len(net.weights[hidden]) > 0
+    assert len(groups) == 1 + matrices
+    if matrices:
         assert groups[1] == [id(weight) for weight in net.weights[hidden]]
     optimiser.set_rate(optimisers, 0.5)
     assert [each.param_groups[0]["lr"] for each in optimisers] == [0.01, 0.15][: len(optimisers)]

@@ -72,9 +72,18 @@ def _initial(gradient: Tensor) -> dict[str, Tensor]:
         "square": torch.zeros_like(gradient),
         "left": left,
         "right": right,
-        "left_basis": torch.linalg.eigh(left).eigenvectors.flip(1).contiguous(),
-        "right_basis": torch.linalg.eigh(right).eigenvectors.flip(1).contiguous(),
+        "left_basis": _eigenbasis(left),
+        "right_basis": _eigenbasis(right),
     }
+
+
+def _eigenbasis(matrix: Tensor) -> Tensor:
+    """Eigenvectors as columns, the largest value first."""
+    vectors = torch.linalg.eigh(matrix).eigenvectors
+    if not torch.isfinite(vectors).all():
+        # of a matrix of low rank (a plane with one normal) LAPACK finds NaN in float32
+        vectors = torch.linalg.eigh(matrix.double()).eigenvectors.to(matrix)
+    return vectors.flip(1).contiguous()
 
 
 def _refresh(state: dict[str, Tensor], side: str) -> tuple[Tensor, Tensor]:

@@ -11,7 +11,7 @@ from hydra.core.config_store import ConfigStore
 from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
-STAGES = ("bake", "train", "export", "score")
+STAGES = ("bake", "size", "train", "export", "score")
 METHODS = ("texture", "vertex", "net", "lit_texture")
 
 
@@ -105,6 +105,21 @@ class RenderOptions:
 
 
 @dataclass
+class SizeOptions:
+    """Of the stage size: the cheapest network that meets the target within the budgets, or the best within them."""
+
+    target_psnr: float | None = None  # dB against traced, with the material and light of the job
+    view: str = "mean"  # of the views that has to meet it, or worst
+    max_macs: int | None = None  # multiply-adds per pixel, shading included, as in the table of scores
+    max_bytes: int | None = None  # of the net
+    cost: str = "macs"  # what makes one cheaper than another, or bytes; the other where they are equal
+    # the space: all of these, with the recipe of the job; depth 0 has no width
+    widths: list[int] = field(default_factory=lambda: [8, 16, 24, 32, 48, 64])
+    depths: list[int] = field(default_factory=lambda: [0, 1, 2, 4])
+    grids: list[list[list[int]]] = field(default_factory=lambda: [[], [[16, 8, 16], [32, 16, 32]]])  # train.grid_cells
+
+
+@dataclass
 class Config:
     scene: SceneOptions = field(default_factory=SceneOptions)
     light: LightOptions = field(default_factory=LightOptions)
@@ -116,7 +131,9 @@ class Config:
     model: ModelOptions = field(default_factory=ModelOptions)
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
-    stages: list[str] = field(default_factory=lambda: list(STAGES))  # up to the last one named is made where missing
+    size: SizeOptions = field(default_factory=SizeOptions)
+    # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named
+    stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage != "size"])
     methods: list[str] = field(default_factory=lambda: ["texture", "vertex", "net"])  # or lit_texture, with bounces
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out

@@ -142,15 +142,18 @@ def evaluate(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array,
     return evaluate_unit(net, unit, normals).astype(np.result_type(positions, np.float32), copy=False)
 
 
-def evaluate_unit(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
+def evaluate_unit(
+    net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], sums: type = np.float64
+) -> Float[Array, "n c"]:
     """Transfer at centred positions in [-1, 1]^3.
 
-    Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64.
+    Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64, or those of
+    the layers in float32, about twice as fast and to about 1e-6, where `sums` says so.
     """
     out = np.empty((len(positions), net.groups * sh.count(net.bands)), np.float64)
     for start in range(0, len(positions), _CHUNK):
         part = slice(start, start + _CHUNK)
-        out[part] = _evaluate_chunk(net, _rounded(positions[part]), _rounded(normals[part]))
+        out[part] = _evaluate_chunk(net, _rounded(positions[part]), _rounded(normals[part]), sums)
     return out.astype(np.result_type(positions, np.float32), copy=False)
 
 
@@ -158,15 +161,15 @@ def _rounded(x: Array) -> Array:
     return np.asarray(x, np.float32).astype(np.float64)
 
 
-def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array) -> Array:
+def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array, sums: type) -> Array:
     position = encode(positions, net.position_frequencies, net.encoding)
     normal = encode(normals, net.normal_frequencies, net.encoding)
     features = [trilinear(each, positions) for each in net.grids] + [hashed(each, positions) for each in net.hashes]
-    h = np.concatenate([position, normal, *features], 1)
+    h = np.concatenate([position, normal, *features], 1).astype(sums, copy=False)
     bend = activation(net.activation, net.negative_slope)
     last = len(net.weights) - 1
     for i, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
-        h = h @ weight.T.astype(np.float64) + bias.astype(np.float64)
+        h = h @ weight.T.astype(sums) + bias.astype(sums)
         if i < last:
             h = bend(h)
         elif net.output == "tanh":

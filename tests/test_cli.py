@@ -44,7 +44,7 @@ def test_wrong_keys_and_types_are_refused_by_name(argument, words):
     [
         ("scene.path=absent.obj", ["absent.obj"]),
         ("scene.name=plnts", ["plnts", "plants"]),
-        ("stages=[bke]", ["bke", "bake, train, export, score"]),
+        ("stages=[bke]", ["bke", "bake, size, train, export, score"]),
         ("render.size=0", ["render.size", "0"]),
         ("light.path=absent.exr", ["absent.exr"]),
         ("light.name=moon", ["light.name", "moon", "sky, constant"]),

@@ -196,6 +196,14 @@ def test_chunks_do_not_show():
     np.testing.assert_array_equal(whole[-5:], netspec.evaluate_unit(random_net(), positions[-5:], normals[-5:]))
 
 
+@pytest.mark.parametrize("fields", [{}, {"activation": "sine", "residual": True, "grids": (random_grid(4, 3, 2),)}])
+def test_sums_in_float32_differ_by_roundings(fields):
+    net, (positions, normals) = random_net(width=64, depth=4, **fields), random_points(2000)
+    exact, quick = (netspec.evaluate_unit(net, positions, normals, sums) for sums in (np.float64, np.float32))
+    assert quick.dtype == np.float32
+    assert 0 < np.abs(quick - exact).max() < 2e-5
+
+
 @given(st.integers(1, 70), st.integers(1, 5), st.integers(0, 10), st.integers(0, 6), st.integers(1, 6))
 def test_macs_have_a_closed_form(width, depth, position_frequencies, normal_frequencies, bands):
     net = random_net(

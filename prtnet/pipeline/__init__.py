@@ -1,7 +1,7 @@
-"""The stages of a run, in order: bake, train, export, score. Each result is kept under a hash of its inputs.
+"""The stages of a run, in order: bake, size, train, export, score. Each result is kept under a hash of its inputs.
 
 `stages` names what is wanted; what the wanted needs is made as well where it is missing. The same command again finds
-everything and only prints.
+everything and only prints. `size` is made only where it is named, and chooses the network of the stages after it.
 """
 
 from pathlib import Path
@@ -23,6 +23,10 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     network = None
+    if "size" in config.stages:
+        from prtnet.pipeline.size import size
+
+        job = size(job, baked)
     if baked.points and last >= STAGES.index("train"):
         from prtnet.pipeline.train import train
 

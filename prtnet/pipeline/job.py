@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from prtnet import PrtnetError, sh
+from prtnet import PrtnetError, score, sh
 from prtnet.config import METHODS, STAGES, Config, LightOptions
 from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map, quantise, scene, transfer, vertex
 from prtnet.data.light import Light
@@ -18,6 +18,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss, glsl
 from prtnet.models import recipe
+from prtnet.pipeline import candidates
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
@@ -68,6 +69,11 @@ class Job:
     def groups(self) -> int:
         """Groups of SH coefficients in a point's transfer: see `pipeline.transport`."""
         return _groups(self.config)
+
+    @property
+    def shading_macs(self) -> int:
+        """Multiply-adds from a pixel's transfer to its colour."""
+        return _shading_macs(self.config)
 
     @property
     def light_name(self) -> str:
@@ -133,6 +139,12 @@ def _material(config: Config) -> Material:
     return made
 
 
+def _shading_macs(config: Config) -> int:
+    bands, material = config.transfer.bands, _material(config)
+    bands_light, _ = material.orders(bands)
+    return score.diffuse_macs(sh.count(min(bands, bands_light))) + material.gloss_macs(bands)
+
+
 def _display(config: Config) -> Display:
     options = config.render
     return Display(options.tone, options.bloom, options.highlights)
@@ -153,8 +165,10 @@ def _check_atlas(config: Config) -> None:
 
 def _check_export(config: Config) -> None:
     """A net that cannot be exported is not trained, unless nobody asks for its export."""
-    if "net" in config.methods and {"export", "score"} & set(config.stages):
-        outputs = _groups(config) * sh.count(config.transfer.bands)
+    outputs = _groups(config) * sh.count(config.transfer.bands)
+    if "size" in config.stages:
+        candidates.check(config, outputs, _shading_macs(config))
+    elif "net" in config.methods and {"export", "score"} & set(config.stages):
         glsl.check_size(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
 
 

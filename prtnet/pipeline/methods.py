@@ -37,12 +37,6 @@ def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported
     return made
 
 
-def _shading_macs(job: Job) -> int:
-    bands = job.config.transfer.bands
-    bands_light, _ = job.material.orders(bands)
-    return score.diffuse_macs(sh.count(min(bands, bands_light))) + job.material.gloss_macs(bands)
-
-
 def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     # with bounces a diffuse material needs no direct transfer
@@ -60,7 +54,7 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     pages = baked.texture.pages
     filtering = "trilinear" if len(pages[0].levels) > 1 else "bilinear"
     costs = {
-        "macs": score.fetch_macs(fetched * count, filtering) + decoding + _shading_macs(job),
+        "macs": score.fetch_macs(fetched * count, filtering) + decoding + job.shading_macs,
         "bytes": fetched
         * sum(
             score.texture_bytes(len(page.used), count, texel_bytes=texel_bytes, levels=len(page.levels))
@@ -86,7 +80,7 @@ def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
     decoding = fetched if options.format == "uint8" else 0
     filtering = "trilinear" if len(baked.pages[0].levels) > 1 else "bilinear"
     costs = {
-        "macs": score.fetch_macs(fetched, filtering) + decoding + summed + _shading_macs(job),
+        "macs": score.fetch_macs(fetched, filtering) + decoding + summed + job.shading_macs,
         "bytes": shaded.bytes,
         "bake_seconds": baked.facts["seconds"],
         "train_seconds": None,
@@ -114,7 +108,7 @@ def _vertex(job: Job, baked: BakedMesh) -> Drawn:
 
 def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Raster) -> Drawn:
     costs = {
-        "macs": netspec.macs(trained.net) + _shading_macs(job),
+        "macs": netspec.macs(trained.net) + job.shading_macs,
         "bytes": netspec.byte_count(trained.net),
         "bake_seconds": points.training.facts["seconds"],
         "train_seconds": trained.facts["cpu_seconds"],

@@ -96,7 +96,7 @@ def _draw_and_score(
     for name, reference in pairs:
         metrics = score.score_views(frames[name], frames[reference], covered, exposure)
         rows.append(row_of(job, metrics, name, reference, costs[name]))
-    rows.append(_noise_floor(job, views[0], coefficients, radiosity, exposure))
+    rows.append(noise_floor(job, views[0], coefficients, radiosity, exposure))
     rows += exact_rows(job, views, frames, costs, exposure)
     if any(view.exact is not None for view in views):
         # not drawn: NaN, which the contact sheet leaves empty
@@ -132,7 +132,7 @@ def _times(methods: Mapping[str, Drawn], eye: Camera, coefficients: Array) -> di
     return {name: float(np.median(values)) for name, values in taken.items()}
 
 
-def _noise_floor(job: Job, view: View, coefficients: Array, radiosity: Radiosity | None, exposure: float) -> score.Row:
+def noise_floor(job: Job, view: View, coefficients: Array, radiosity: Radiosity | None, exposure: float) -> score.Row:
     """`traced` against itself with other rays on the first view: no method can be told from it above this."""
     again = reference_of(job, "traced view 1 again", view.camera, view.gbuffer, coefficients, radiosity, repeat=1)
     metrics = score.score_views([again], [view.reference], [view.covered], exposure)

@@ -28,26 +28,38 @@ class Trained:
     facts: Mapping[str, Any]
 
 
-def train(job: Job, points: NetPoints) -> Trained:
-    """The trained net of this job, with its step count, loss curve and held-out errors as facts."""
+def train(job: Job, points: NetPoints, rate: float | None = None) -> Trained:
+    """The trained net of this job, with its step count, loss curve and held-out errors as facts.
+
+    `rate`: training steps per CPU-second, where they are known; else a calibration finds them.
+    """
+    inputs = _inputs(job, points)
+    kept = job.store.once("net", inputs, lambda: _train(job, points, inputs, rate))
+    return Trained(kept.key, netspec.load(kept.path), kept.facts)
+
+
+def planned(job: Job, points: NetPoints) -> tuple[int, float]:
+    """The step count of this job's training, and the steps per CPU-second it comes from."""
+    return _steps(job, points, _inputs(job, points))
+
+
+def _inputs(job: Job, points: NetPoints) -> dict[str, Any]:
     options = asdict(job.config.train)
     # how often a run is saved changes nothing of its result; a fixed step count leaves the time without meaning
     del options["checkpoint_seconds"]
     if options["steps"] is not None:
         del options["cpu_seconds"]
-    inputs = {
+    return {
         "training": points.training.key,
         "model": asdict(job.config.model),
         "train": options,
         # the net's file tells the way back to the mesh's own coordinates
         "frame": [*job.frame.centre.tolist(), job.frame.scale],
     }
-    kept = job.store.once("net", inputs, lambda: _train(job, points, inputs))
-    return Trained(kept.key, netspec.load(kept.path), kept.facts)
 
 
-def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Artifact:
-    steps, rate = _steps(job, points, inputs)
+def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any], rate: float | None) -> Artifact:
+    steps, rate = _steps(job, points, inputs, rate)
     options, model = job.config.train, job.config.model
     title = f"train: {steps} steps of {options.batch} points, {model.words()}, {options.recipe}"
     needed = memory.needed(model, options, *points.training.transfer.shape[::-1])
@@ -89,12 +101,12 @@ def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> Artifact:
     return kept
 
 
-def _steps(job: Job, points: NetPoints, inputs: Mapping[str, Any]) -> tuple[int, float]:
+def _steps(job: Job, points: NetPoints, inputs: Mapping[str, Any], known: float | None = None) -> tuple[int, float]:
     """The step count and the steps per CPU-second it comes from, kept before step 1: a resumed run is the same run."""
     options = job.config.train
 
     def calibrate() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        rate = training.calibrate(_points(points.training), model=job.config.model, options=options)
+        rate = known or training.calibrate(_points(points.training), model=job.config.model, options=options)
         steps = options.steps if options.steps is not None else max(1, round(rate * options.cpu_seconds))
         return {}, {"rate": rate, "steps": steps}
 

@@ -156,9 +156,9 @@ def _doubtful(run: _Run, target: float) -> list[int]:
 
 def _most_telling(run: _Run, doubtful: list[int], chance: list[float]) -> int:
     """Of those up to the cheapest that more likely meets the target than not, the one whose trial tells most for its
-    cost. The first of all is the middle one: nothing is known yet."""
-    if not run.seen:
-        return doubtful[len(doubtful) // 2]
+    cost. The first two are the cheapest of all and the middle one: nothing is known yet."""
+    if len(run.seen) < 2:
+        return doubtful[len(run.seen) * len(doubtful) // 2]
     likely = next((place for place, index in enumerate(doubtful) if chance[index] >= 0.5), len(doubtful) - 1)
     return max(doubtful[: likely + 1], key=lambda i: _entropy(chance[i]) / math.sqrt(run.next_share(i, chance[i])))
 

@@ -50,6 +50,9 @@ def small(command: str) -> list[str]:
     named = {argument.split("=")[0] for argument in given}
     sizes = [f"{key}={value}" for key, value in SMALLER.items() if key not in named]
     sizes += ["samples.count=2000"] if "samples.count" in named else []
+    # what a net of a few steps can reach
+    sizes += ["size.target_psnr=10"] if "size.target_psnr" in named else []
+    sizes += ["size.widths=[8]"] if any(name.startswith("size.") for name in named) else []
     return given + sizes + ["scene.tessellation=0.2"]
 
 
@@ -74,7 +77,7 @@ def test_commands_do_what_they_say(command, tmp_path):
 
 def test_links_lead_somewhere():
     for link in re.findall(r"\]\(([^)]+)\)", README):
-        assert (ROOT / link).exists(), link
+        assert link.startswith("#") or (ROOT / link).exists(), link
 
 
 def test_the_keys_of_the_table_exist_with_their_defaults():

@@ -14,7 +14,13 @@ from prtnet.models import recipe
 from prtnet.size import COSTS, VIEWS, Candidate, within
 
 # the unoccluded lobe, and a linear layer on position and normal
-LOBE = {"model.depth": 0, "train.encoding": "identity", "train.residual": True, "train.grid_cells": [], "train.hash_cells": []}
+LOBE = {
+    "model.depth": 0,
+    "train.encoding": "identity",
+    "train.residual": True,
+    "train.grid_cells": [],
+    "train.hash_cells": [],
+}
 
 
 def space(config: Config, outputs: int, shading: int) -> tuple[list[Candidate], list[Candidate]]:

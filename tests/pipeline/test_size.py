@@ -67,7 +67,8 @@ def test_what_a_search_leaves(plane):
     words = shlex.split(json.loads((out / "size.json").read_text())["command"])
     assert words[:2] == ["prtnet", "scene.path=plane.obj"]
     assert set(words[2:]) == {
-        "model.depth=0", "train.encoding=identity", "train.residual=True", "train.grid_cells=[]", "train.hash_cells=[]", "stages=[score]",
+        "model.depth=0", "train.encoding=identity", "train.residual=True", "train.grid_cells=[]",
+        "train.hash_cells=[]", "stages=[score]",
     }  # fmt: skip
 
 

@@ -116,7 +116,7 @@ class SizeOptions:
     # the space: all of these, with the recipe of the job; depth 0 has no width
     widths: list[int] = field(default_factory=lambda: [8, 16, 24, 32, 48, 64])
     depths: list[int] = field(default_factory=lambda: [0, 1, 2, 4])
-    grids: list[list[list[int]]] = field(default_factory=lambda: [[], [[16, 8, 16], [32, 16, 32]]])  # train.grid_cells
+    grids: list[str] = field(default_factory=lambda: ["none", "recipe"])  # of the recipe, all; or dense: without hashed
 
 
 @dataclass

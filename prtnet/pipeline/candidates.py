@@ -22,6 +22,13 @@ LOBE = {
     "train.hash_cells": [],
 }
 
+# settings beside the recipe's own
+GRIDS: dict[str, dict[str, Any]] = {
+    "none": {"train.grid_cells": [], "train.hash_cells": []},
+    "dense": {"train.hash_cells": []},
+    "recipe": {},
+}
+
 
 def space(config: Config, outputs: int, shading: int) -> tuple[list[Candidate], list[Candidate]]:
     """The candidates of a job, and those that would be some but for being too large for literals.
@@ -71,10 +78,8 @@ def check(config: Config, outputs: int, shading: int) -> None:
         needed = name == "depths" or any(options.depths)
         if (needed and not found) or any(value < least for value in found):
             raise PrtnetError(f"size.{name}: found {list(found)}, expected one or more numbers of at least {least}")
-    if not options.grids:
-        raise PrtnetError("size.grids: found none, expected at least [[]], which is no grid")
-    for cells in options.grids:
-        recipe.check(replace(config.train, grid_cells=cells))
+    if not options.grids or not set(options.grids) <= set(GRIDS):
+        raise PrtnetError(f"size.grids: found {list(options.grids)}, expected some of {', '.join(GRIDS)}")
     fit, large = space(config, outputs, shading)
     if large and not fit:
         names = ", ".join(each.name for each in large)
@@ -86,10 +91,10 @@ def _all(config: Config, outputs: int, shading: int) -> Iterator[Candidate]:
     options = config.size
     if 0 in options.depths:
         yield _candidate(config, "lobe + linear", LOBE, outputs, shading)
-    for cells in options.grids:
-        words = " ".join("x".join(map(str, sides)) for sides in cells)
-        family = {"train.grid_cells": [list(sides) for sides in cells]}
-        after = f" + {words}" if words else ""
+    for word in options.grids:
+        family, after = GRIDS[word], {"none": "", "dense": " + dense grids", "recipe": " + grids"}[word]
+        if not (config.train.grid_cells or config.train.hash_cells):
+            after = ""
         for depth in options.depths:
             if depth == 0:
                 yield _candidate(config, f"linear{after}", {"model.depth": 0, **family}, outputs, shading)

@@ -29,7 +29,8 @@ def test_torch_and_its_spec_agree(activation, output, residual):
 @pytest.mark.parametrize("activation", ["hard_gelu", "sine", "relu"])
 @pytest.mark.parametrize("output", netspec.OUTPUTS)
 def test_without_a_hidden_layer_the_net_is_linear(activation, output):
-    net = _net(TrainOptions(activation=activation, output=output, sine_omega=30.0, grid_cells=[[2, 3, 4]]), depth=0)
+    grids = {"grid_cells": [[2, 3, 4]], "hash_cells": []}
+    net = _net(TrainOptions(activation=activation, output=output, sine_omega=30.0, **grids), depth=0)
     positions, normals = random_points(200)
     with torch.no_grad():
         found = SCALE * net(torch.from_numpy(positions), torch.from_numpy(normals)).numpy()

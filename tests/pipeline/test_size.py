@@ -26,7 +26,7 @@ def config(out: Path, **changes: object) -> Config:
     for name, value in (SETTINGS | {key.replace("__", "."): value for key, value in changes.items()}).items():
         group, _, key = name.rpartition(".")
         setattr(getattr(made, group) if group else made, key, value)
-    made.size.grids = [[]]
+    made.size.grids = ["none"]
     return made
 
 
@@ -103,8 +103,8 @@ def test_the_stages_after_it_go_on_with_the_choice_and_agree(material, tmp_path)
 
 def test_grids_count_as_in_the_table(tmp_path):
     made = config(tmp_path, stages=["size", "score"], size__widths=[8], size__depths=[1], size__max_macs=10**6)
-    made.size.grids = [[[4, 3, 2], [5, 2, 2]]]
-    made.train.hash_cells, made.train.hash_entries = [8], 256
+    made.size.grids = ["recipe"]
+    made.train.grid_cells, made.train.hash_cells, made.train.hash_entries = [[4, 3, 2], [5, 2, 2]], [8], 256
     run(made)
     (chosen,) = json.loads((tmp_path / "size.json").read_text())["candidates"]
     (row,) = (row for row in score.read(tmp_path / "score.json")[0] if (row.method, row.reference) == ("net", "traced"))

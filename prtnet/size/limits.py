@@ -25,7 +25,7 @@ def limits(
     if floor is not None and best.psnr >= floor - NEAR_NOISE:
         found["noise"] = (
             f"the best is within {NEAR_NOISE:g} dB of the noise floor, {floor:.1f} dB: take more rays for the"
-            " reference (render.traced_directions) and for training (transfer.directions)"
+            " reference (render.traced_directions) and for training (samples.directions)"
         )
     shorter = [each for each in tried if each.candidate == best.candidate and each.share < 1]
     if shorter:
@@ -42,6 +42,6 @@ def limits(
     if not found:
         found["flat"] = (
             "neither size nor training gives more, and the noise floor is not near: look at the recipe, samples.count"
-            " and transfer.directions"
+            " and samples.directions"
         )
     return found

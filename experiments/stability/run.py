@@ -68,6 +68,10 @@ class Sizes:
             "samples.test_count": self.test,
             "transfer.directions": self.directions,
             "train.steps": self.steps,
+            # the net alone is studied, and 100 000 points are too few for hashed grids
+            "train.grid_cells": [],
+            "train.hash_cells": [],
+            "samples.directions": None,  # as texels, by the case
             "model.width": self.width,
             "model.depth": self.depth,
         }

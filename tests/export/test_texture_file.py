@@ -104,7 +104,7 @@ def test_nothing_is_left_when_writing_fails(one, tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr("prtnet.store.os.fsync", refuse)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(PrtnetError, match="disk full"):
         texture_file.write_exr(
             tmp_path / "t.exr", list(one[1][0].levels), names=[""], channels=texture_file.channel_names(BANDS)
         )

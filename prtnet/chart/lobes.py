@@ -10,18 +10,16 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from prtnet import PrtnetError, sh, store
+from prtnet import PrtnetError, sh
+from prtnet.chart.plot import FAINT, INK, canvas, plain, save
 
 Array = np.ndarray
 
 GAIN = 8  # differences are shown so many times larger, in the same colours
 PLACES = {"best": 0.0, "median": 0.5, "90 %": 0.9, "worst": 1.0}  # of the points shown, by growing error
 PIXELS = 160  # across a disc
-INK, FAINT = "#22262d", "#6a7280"
 
 
 def evaluate(transfer: Float[Array, "n k"], directions: Float[Array, "*m 3"]) -> Float[Array, "n *m"]:
@@ -76,14 +74,13 @@ def picture(
     errors = rmse(predicted, truth)
     rows = [_discs(*each) for each in zip(predicted, truth, normals, strict=True)]
     reach = max(float(np.nanmax(np.abs(disc))) for discs in rows for disc in discs[:2]) or 1.0
-    figure = Figure(figsize=(7.4, 0.75 + 2.05 * len(rows)), dpi=110, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = canvas(7.4, 0.75 + 2.05 * len(rows))
     height = figure.get_figheight()
-    figure.suptitle(_plain(title), x=0.03, y=1 - 0.12 / height, ha="left", color=INK, weight="bold", size=12)
+    figure.suptitle(plain(title), x=0.03, y=1 - 0.12 / height, ha="left", color=INK, weight="bold", size=12)
     shown = None
     for line, (discs, name, error) in enumerate(zip(rows, names, errors, strict=True)):
         low = (height - 0.75 - 2.05 * (line + 1) + 0.1) / height
-        words = f"{_plain(name)}\nRMSE {error:.4f}"
+        words = f"{plain(name)}\nRMSE {error:.4f}"
         figure.text(0.03, low + 0.95 / height, words, color=INK, size=10, va="center", linespacing=1.6)
         for column, (values, head) in enumerate(zip(discs, ("truth", "net", f"difference × {GAIN}"), strict=True)):
             axes = figure.add_axes((0.2 + 0.235 * column, low, 0.225, 1.95 / height))
@@ -92,8 +89,7 @@ def picture(
     assert shown is not None
     bar = figure.colorbar(shown, cax=figure.add_axes((0.925, 0.25, 0.015, 0.5)))
     bar.ax.tick_params(labelsize=8, colors=FAINT)
-    with store.atomic(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+    save(figure, path)
 
 
 def _discs(
@@ -113,7 +109,3 @@ def _draw(axes: Axes, values: Float[Array, "p p"], reach: float) -> AxesImage:
     for radius, style in ((1.0, "-"), (0.5**0.5, (0, (4, 3)))):
         axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=FAINT, linewidth=0.8, linestyle=style)
     return axes.imshow(values, cmap="RdBu_r", vmin=-reach, vmax=reach, extent=(-1, 1, -1, 1))
-
-
-def _plain(text: str) -> str:
-    return " ".join(text.split()).replace("$", r"\$")

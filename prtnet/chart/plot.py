@@ -33,23 +33,23 @@ def pareto(path: Path, rows: Sequence[Row], *, reference: str = "traced", title:
     With several of these a colour stands for each, else for each method. A point's area grows with its bytes.
     """
     groups = _groups(rows, reference)
-    figure = _figure(12.0, 5.4)
-    figure.suptitle(_plain(title or "Speed against accuracy"), x=0.06, ha="left", color=INK, weight="bold", size=14)
+    figure = canvas(12.0, 5.4)
+    figure.suptitle(plain(title or "Speed against accuracy"), x=0.06, ha="left", color=INK, weight="bold", size=14)
     for place, (key, label) in enumerate(PANELS):
         axes = figure.add_axes((0.06 + 0.485 * place, 0.115, 0.435, 0.765))
         _panel(axes, groups, key)
         axes.set_xlabel(label, color=INK)
         axes.set_ylabel(f"PSNR against {reference}, dB" if place == 0 else "", color=INK)
-    _save(figure, path)
+    save(figure, path)
 
 
 def panels(path: Path, rows: Mapping[Row, Spread | None], *, reference: str = "traced", title: str = "") -> None:
     """Write a PNG of the rows of a sweep, with the bars of their spread: for each scene, material and light a line of
     panels of PSNR against multiply-adds, bytes and time. The noise floor stands in words where it is far above."""
     groups = _groups(rows, reference)
-    figure = _figure(5.4 * len(SWEEP_PANELS), 4.4 * len(groups) + 0.5)
+    figure = canvas(5.4 * len(SWEEP_PANELS), 4.4 * len(groups) + 0.5)
     height = figure.get_figheight()
-    figure.suptitle(_plain(title), x=0.02, y=1 - 0.15 / height, ha="left", color=INK, weight="bold", size=14)
+    figure.suptitle(plain(title), x=0.02, y=1 - 0.15 / height, ha="left", color=INK, weight="bold", size=14)
     for line, (group, members) in enumerate(groups.items()):
         low = (4.4 * (len(groups) - 1 - line) + 0.6) / height
         for column, (key, label) in enumerate(SWEEP_PANELS):
@@ -58,9 +58,9 @@ def panels(path: Path, rows: Mapping[Row, Spread | None], *, reference: str = "t
             _panel(axes, {group: members}, key, rows)
             axes.set_xlabel(label, color=INK)
             if column == 0:
-                axes.set_title(_plain(" · ".join(group)), loc="left", color=INK, size=11)
+                axes.set_title(plain(" · ".join(group)), loc="left", color=INK, size=11)
                 axes.set_ylabel(f"PSNR against {reference}, dB", color=INK)
-    _save(figure, path)
+    save(figure, path)
 
 
 def _groups(rows: Iterable[Row], reference: str) -> dict[tables.Group, list[Row]]:
@@ -75,9 +75,9 @@ def _groups(rows: Iterable[Row], reference: str) -> dict[tables.Group, list[Row]
 
 def training_curve(target: Path | BytesIO, history: Sequence[tuple[int, float]]) -> None:
     """Write a PNG of the loss against the step, on a logarithmic axis where all losses are above zero."""
-    figure = _figure(8.0, 3.2)
+    figure = canvas(8.0, 3.2)
     axes = figure.add_axes((0.09, 0.16, 0.885, 0.79))
-    _dress(axes)
+    dress(axes)
     steps, losses = [step for step, _ in history], [loss for _, loss in history]
     axes.plot(steps, losses, color=COLOURS[0], linewidth=1.4, marker="o" if len(steps) < 3 else "")
     if losses and min(losses) > 0 and max(losses) > 1.5 * min(losses):
@@ -87,7 +87,7 @@ def training_curve(target: Path | BytesIO, history: Sequence[tuple[int, float]])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xlabel("step", color=INK)
     axes.set_ylabel("training loss", color=INK)
-    _save(figure, target)
+    save(figure, target)
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -99,13 +99,15 @@ def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return best
 
 
-def _figure(width: float, height: float) -> Figure:
+def canvas(width: float, height: float) -> Figure:
+    """An empty white figure, in inches."""
     figure = Figure(figsize=(width, height), dpi=110, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _save(figure: Figure, target: Path | BytesIO) -> None:
+def save(figure: Figure, target: Path | BytesIO) -> None:
+    """Write a PNG, to a path atomically."""
     # no program or version goes into the file, so that equal inputs give equal bytes
     options: dict[str, Any] = {"format": "png", "metadata": {"Software": None}}
     if isinstance(target, Path):
@@ -115,12 +117,12 @@ def _save(figure: Figure, target: Path | BytesIO) -> None:
         figure.savefig(target, **options)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Text that matplotlib does not take for mathematics."""
     return " ".join(text.split()).replace("$", r"\$")
 
 
-def _dress(axes: Axes) -> None:
+def dress(axes: Axes) -> None:
     axes.grid(True, color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(which="both", colors=FAINT, labelsize=9)
@@ -136,7 +138,7 @@ def _panel(
     spreads: Mapping[Row, Spread | None] | None = None,
 ) -> None:
     """One panel. `spreads` are those of a sweep, whose points are named by what they vary and are all of one size."""
-    _dress(axes)
+    dress(axes)
     rows = [row for members in groups.values() for row in members]
     far: list[Row] = []
     if spreads is not None:
@@ -149,7 +151,7 @@ def _panel(
         return
     bars = [_reach(row, spreads) for row in rows]
     ends = [(row.psnr or 0.0) + end for row, bar in zip(rows, bars, strict=True) for end in (-bar, bar)]
-    _limits(axes, [getattr(row, key) for row in points], ends)
+    fit(axes, [getattr(row, key) for row in points], ends)
     colours = _colours(groups, points)
     labels = Labels()
     _note(axes, far, labels)
@@ -169,7 +171,7 @@ def _panel(
                 text = row.point if row.method == "net" and row.point else tables.method_name(row)
                 _draw_sweep_point(axes, row, key, colour, labels, text.replace("_", " "), _reach(row, spreads))
     if len(groups) > 1:
-        handles = [axes.plot([], [], "o", color=colours[group], label=_plain(" · ".join(group)))[0] for group in groups]
+        handles = [axes.plot([], [], "o", color=colours[group], label=plain(" · ".join(group)))[0] for group in groups]
         figure = axes.figure
         figure.legends.clear()
         figure.legend(handles=handles, loc="upper right", ncols=4, frameon=False, fontsize=9, labelcolor=INK)
@@ -198,7 +200,7 @@ def _note(axes: Axes, far: Sequence[Row], labels: Labels) -> None:
         above = (row.psnr or 0.0) > axes.get_ylim()[1]
         words = f"{'above' if above else 'below'} these axes: {tables.method_name(row)} {row.psnr:.1f} dB"
         place = inside.x0 + 5, inside.y1 - 14 - 14 * line
-        text = axes.text(*place, _plain(words), transform=None, color=FAINT, size=8.5)
+        text = axes.text(*place, plain(words), transform=None, color=FAINT, size=8.5)
         labels.taken.append(text.get_window_extent())
 
 
@@ -207,7 +209,7 @@ def _colours(groups: dict[tables.Group, list[Row]], points: Sequence[Row]) -> di
     return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
 
 
-def _limits(axes: Axes, costs: Sequence[float], accuracies: Sequence[float]) -> None:
+def fit(axes: Axes, costs: Sequence[float], accuracies: Sequence[float]) -> None:
     """A logarithmic cost axis and a linear accuracy axis, with room for labels around the outermost points."""
     axes.set_xscale("log")
     low, high = log10(min(costs)), log10(max(costs))
@@ -252,7 +254,7 @@ def _draw_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels) -> 
     x, y = axes.transData.transform(place)
     labels.taken.append(Bbox.from_extents(x - radius, y - radius, x + radius, y + radius))
     text = tables.method_name(row) + ("" if row.bytes is None else f" · {tables.size(row.bytes)}")
-    labels.points.append((x, y, radius, _plain(text), colour))
+    labels.points.append((x, y, radius, plain(text), colour))
 
 
 def _draw_sweep_point(axes: Axes, row: Row, key: str, colour: str, labels: Labels, text: str, reach: float) -> None:
@@ -262,4 +264,4 @@ def _draw_sweep_point(axes: Axes, row: Row, key: str, colour: str, labels: Label
     (x, low), (_, high) = axes.transData.transform([(cost, accuracy - reach), (cost, accuracy + reach)])
     radius = 5.0
     labels.taken.append(Bbox.from_extents(x - radius, low - radius, x + radius, high + radius))
-    labels.points.append((x, (low + high) / 2, radius, _plain(text), colour))
+    labels.points.append((x, (low + high) / 2, radius, plain(text), colour))

@@ -52,13 +52,13 @@ def verdict(found: Found, candidate: Candidate, target: float | None) -> str:
 
 def picture(path: Path, found: Found, *, target: float | None, floor: float | None, cost: str = "macs") -> None:
     """Write a PNG of PSNR against cost: trials, what is expected of each candidate, the target, the noise floor."""
-    figure = plot._figure(9.0, 5.4)
+    figure = plot.canvas(9.0, 5.4)
     axes = figure.add_axes((0.085, 0.115, 0.885, 0.8))
-    plot._dress(axes)
+    plot.dress(axes)
     costs = {each.name: getattr(each, cost) for each in found.candidates}
     levels = [each.psnr for each in found.tried] + [value for value, _ in found.expected.values()]
     levels += [level for level in (target, floor) if level is not None]
-    plot._limits(axes, list(costs.values()), levels)
+    plot.fit(axes, list(costs.values()), levels)
     _draw_expected(axes, found, costs)
     _draw_tried(axes, found, costs)
     for level, words, style in ((target, "target", "-"), (floor, "noise floor", (0, (5, 3)))):
@@ -72,7 +72,7 @@ def picture(path: Path, found: Found, *, target: float | None, floor: float | No
     axes.set_ylabel("PSNR against traced, dB", color=plot.INK)
     if found.tried:
         axes.legend(loc="lower right", frameon=False, fontsize=9, labelcolor=plot.INK)
-    plot._save(figure, path)
+    plot.save(figure, path)
 
 
 def _draw_expected(axes: Axes, found: Found, costs: dict[str, int]) -> None:
@@ -97,7 +97,7 @@ def _draw_tried(axes: Axes, found: Found, costs: dict[str, int]) -> None:
         assert last is not None
         at = costs[found.choice.name], last.psnr
         axes.scatter(*at, s=220, facecolor="none", edgecolor=plot.COLOURS[1], linewidth=1.6, zorder=4)
-        words = plot._plain(found.choice.name)
+        words = plot.plain(found.choice.name)
         axes.annotate(words, at, (10, -14), textcoords="offset points", color=plot.COLOURS[1], size=9.5)
 
 

@@ -82,7 +82,7 @@ def test_axes_of_a_sweep_keep_to_what_is_swept() -> None:
 
 
 def test_labels_keep_off_points_and_each_other() -> None:
-    figure = plot._figure(6, 5)
+    figure = plot.canvas(6, 5)
     axes = figure.add_axes((0.1, 0.1, 0.85, 0.85))
     points = [(200.0 + 9 * i, 250.0 + 5 * (i % 3), 8.0, f"method {i}", "black") for i in range(8)]
     discs = [Bbox.from_extents(x - r, y - r, x + r, y + r) for x, y, r, _, _ in points]

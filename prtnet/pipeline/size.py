@@ -45,8 +45,7 @@ def size(job: Job, baked: Baked) -> Job:
     )
     _report(job, found, floor)
     if found.choice is None:
-        limits = " ".join(f"Limit: {name}: {words}." for name, words in found.limits.items())
-        raise PrtnetError(f"size: {found.reason}. {limits} What was tried stands in {job.out / 'size.md'}")
+        raise PrtnetError(f"size: {found.reason}. {_limits(found)} What was tried stands in {job.out / 'size.md'}")
     return replace(job, config=candidates.configured(job.config, found.choice))
 
 
@@ -120,7 +119,11 @@ def _words(job: Job, found: Found, floor: float) -> list[str]:
         )
     if found.choice:
         return [*lines, command(job, found.choice)]
-    return [*lines, " ".join(f"Limit: {name}: {words}." for name, words in found.limits.items())]
+    return [*lines, _limits(found)]
+
+
+def _limits(found: Found) -> str:
+    return " ".join(f"Limit: {name}: {words}." for name, words in found.limits.items())
 
 
 def _unit(cost: str) -> str:

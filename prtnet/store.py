@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -204,20 +205,29 @@ class Store:
 
         return self.once(stage, inputs, put)
 
-    def make_shards(
+    def put_shards(
         self,
         stage: str,
         inputs: Mapping[str, Any],
-        count: int,
-        make: Callable[[int], tuple[Arrays, Mapping[str, Any]]],
-    ) -> list[Artifact]:
-        """The artifacts of make(0) .. make(count - 1), each kept as soon as it is there: a killed run goes on.
+        items: int,
+        size: int,
+        make: Callable[[int, slice], Arrays],
+    ) -> Artifact:
+        """Put the rows of `items` items, made `size` at a time by make(shard, items of the shard), with their seconds.
 
-        Call `drop_shards` once the whole artifact has been put.
+        Each shard is kept as soon as it is there, until the whole artifact is: a killed run goes on.
         """
         folder = f"{stage}/{content_key(inputs)}.shards"
-        return [self.make(folder, {"shard": shard}, lambda s=shard: make(s)) for shard in range(count)]
 
-    def drop_shards(self, stage: str, inputs: Mapping[str, Any]) -> None:
-        """Delete the shards of an artifact."""
-        shutil.rmtree(self.root / stage / f"{content_key(inputs)}.shards", ignore_errors=True)
+        def timed(shard: int) -> tuple[Arrays, Mapping[str, Any]]:
+            start = time.perf_counter()
+            arrays = make(shard, slice(shard * size, min(items, (shard + 1) * size)))
+            return arrays, {"seconds": time.perf_counter() - start}
+
+        count = max(1, -(-items // size))
+        parts = [self.make(folder, {"shard": shard}, lambda shard=shard: timed(shard)) for shard in range(count)]
+        whole = {name: np.concatenate([part.arrays[name] for part in parts]) for name in parts[0].arrays}
+        facts = {"seconds": sum(part.facts["seconds"] for part in parts)}
+        artifact = self.put(stage, inputs, lambda path: save_arrays(path, whole), facts)
+        shutil.rmtree(self.root / folder, ignore_errors=True)
+        return artifact

@@ -86,19 +86,18 @@ def test_atomic_leaves_nothing_behind_when_it_fails(tmp_path):
 def test_shards_go_on_where_they_were(shelf):
     made = []
 
-    def make(shard, stop_at=99):
+    def make(shard, items, stop_at=99):
         if shard == stop_at:
             raise KeyboardInterrupt
         made.append(shard)
-        return {"shard": np.full(2, shard, np.float32)}, {}
+        return {"item": np.arange(items.start, items.stop)}
 
     with pytest.raises(KeyboardInterrupt):
-        shelf.make_shards("bake", {}, 4, lambda shard: make(shard, stop_at=2))
-    parts = shelf.make_shards("bake", {}, 4, make)
+        shelf.put_shards("bake", {}, 7, 2, lambda shard, items: make(shard, items, stop_at=2))
+    whole = shelf.put_shards("bake", {}, 7, 2, make)
     assert made == [0, 1, 2, 3]
-    np.testing.assert_array_equal(np.concatenate([part.arrays["shard"] for part in parts]), [0, 0, 1, 1, 2, 2, 3, 3])
-    shelf.drop_shards("bake", {})
-    assert not list((shelf.root / "bake").iterdir())
+    np.testing.assert_array_equal(whole.arrays["item"], np.arange(7))
+    assert sorted(path.suffix for path in (shelf.root / "bake").iterdir()) == [".json", ".safetensors"]
 
 
 def test_load_arrays_names_the_file(tmp_path):

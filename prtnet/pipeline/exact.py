@@ -21,7 +21,7 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.views import View, row_of
 from prtnet.render import exact
 from prtnet.render.exact import Points, World
-from prtnet.store import Artifact, save_arrays
+from prtnet.store import Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -75,26 +75,20 @@ def _values(job: Job, title: str, points: Points, announce: int, repeat: int) ->
 
     def draw() -> Artifact:
         world = World(job.tracer, light_sampler.of_light(job.light), job.scene)
-        count, size = len(points.origins), max(1, SHARD_SAMPLES // samples)
+        count = len(points.origins)
         if announce * count * samples > SHARD_SAMPLES:
             _estimate(job, title, world, points, bounces, announce)
         with console.progress(title, count, "points") as reach:
 
-            def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
-                first, start = shard * size, time.perf_counter()
-                part = points.take(np.arange(first, min(count, first + size)))
+            def make(shard: int, items: slice) -> dict[str, Array]:
                 # a generator per shard: its points do not depend on which shards this process draws
                 rng = np.random.default_rng([job.config.seed, repeat, shard])
-                values = _radiance(job, world, part, samples, rng, bounces, lambda done: reach(first + done))
-                return {"radiance": values.astype(np.float32)}, {"seconds": time.perf_counter() - start}
+                part = points.take(np.arange(items.start, items.stop))
+                values = _radiance(job, world, part, samples, rng, bounces, lambda done: reach(items.start + done))
+                return {"radiance": values.astype(np.float32)}
 
-            parts = job.store.make_shards("exact", inputs, max(1, -(-count // size)), make)
-        seconds = sum(part.facts["seconds"] for part in parts)
-        whole = np.concatenate([part.arrays["radiance"] for part in parts])
-        artifact = job.store.put(
-            "exact", inputs, lambda path: save_arrays(path, {"radiance": whole}), {"seconds": seconds}
-        )
-        job.store.drop_shards("exact", inputs)
+            artifact = job.store.put_shards("exact", inputs, count, max(1, SHARD_SAMPLES // samples), make)
+        seconds = artifact.facts["seconds"]
         log.info("%s: %d points x %d samples in %s", title, count, samples, console.duration(seconds))
         return artifact
 

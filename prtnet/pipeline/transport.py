@@ -5,7 +5,6 @@ bounces for red, green and blue, for the diffuse part. Otherwise it has one, dir
 """
 
 import logging
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +19,7 @@ from prtnet.data.samples import Samples
 from prtnet.data.surface import Surface
 from prtnet.data.texture import Texels
 from prtnet.pipeline.job import Job
-from prtnet.store import Artifact, save_arrays
+from prtnet.store import Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -181,16 +180,12 @@ def _in_shards(
 
     def bake() -> Artifact:
         count = len(points.positions)
-        size = max(1, SHARD_RAYS // directions)
-        shards = max(1, -(-count // size))
         if announce * count * directions > SHARD_RAYS // 4:
             _estimate(job, title, points, directions, announce)
         with console.progress(title, count, "points") as reach:
 
-            def make(shard: int) -> tuple[dict[str, Array], dict[str, Any]]:
-                first = shard * size
-                part = samples.select(points, np.arange(first, min(count, first + size)))
-                start = time.perf_counter()
+            def make(shard: int, items: slice) -> dict[str, Array]:
+                part = samples.select(points, np.arange(items.start, items.stop))
                 values = gather(
                     job.tracer,
                     part.positions,
@@ -200,18 +195,13 @@ def _in_shards(
                     rng=np.random.default_rng([job.config.seed, salt, shard]),
                     geometric_normals=part.geometric_normals,
                     kind=job.config.transfer.kind,
-                    progress=lambda done: reach(first + done),
+                    progress=lambda done: reach(items.start + done),
                     threads=job.config.threads,
                 )
-                return {"transfer": values}, {"seconds": time.perf_counter() - start}
+                return {"transfer": values}
 
-            parts = job.store.make_shards(stage, inputs, shards, make)
-        seconds = sum(part.facts["seconds"] for part in parts)
-        whole = np.concatenate([part.arrays["transfer"] for part in parts])
-        artifact = job.store.put(
-            stage, inputs, lambda path: save_arrays(path, {"transfer": whole}), {"seconds": seconds}
-        )
-        job.store.drop_shards(stage, inputs)
+            artifact = job.store.put_shards(stage, inputs, count, max(1, SHARD_RAYS // directions), make)
+        seconds = artifact.facts["seconds"]
         rate = count * directions / max(seconds, 1e-9) / 1e6
         log.info(
             "%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate

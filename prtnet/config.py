@@ -105,6 +105,18 @@ class RenderOptions:
 
 
 @dataclass
+class ExportOptions:
+    """Of the network's shaders."""
+
+    # weights as literal, texture or ubo (uniform blocks, validated and not run); auto = literal up to 20 000 padded
+    # multiply-adds, above that texture
+    storage: str = "auto"
+    version: str = "330"  # of GLSL: 330, 430, "300 es"
+    precision: str = "float32"  # of weights and biases, or float16
+    digits: int = 9  # of literals, 4 to 9; 9 say every float32
+
+
+@dataclass
 class SizeOptions:
     """Of the stage size: the cheapest network that meets the target within the budgets, or the best within them."""
 
@@ -131,6 +143,7 @@ class Config:
     model: ModelOptions = field(default_factory=ModelOptions)
     train: TrainOptions = field(default_factory=TrainOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
+    export: ExportOptions = field(default_factory=ExportOptions)
     size: SizeOptions = field(default_factory=SizeOptions)
     # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named
     stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage != "size"])

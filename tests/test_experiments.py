@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from experiments import collect
 from prtnet import PrtnetError, score
 from prtnet.config import Config, register
-from prtnet.export import glsl
+from prtnet.export import form
 from prtnet.models import recipe
 from tests.models.test_board import read_back
 from tests.small import overrides
@@ -57,7 +57,7 @@ def test_a_sweep_runs_two_points_at_a_time_with_three_seeds_from_the_default(nam
 def test_every_point_is_another_one_that_can_be_trained_and_exported(name, word):
     found = options_of(f"experiment={name}", f"ablation={word}")
     recipe.check(found.train)
-    glsl.check_size(recipe.layer_sizes(found.model, found.train, 25), 1)
+    form.check_size(recipe.layer_sizes(found.model, found.train, 25), 1)
     assert found.out == f"runs/{name}"
     assert found.cache == f"{found.out}/cache"
 

@@ -12,7 +12,7 @@ one and compiles in half a second; with the light's matrix as an array of unifor
 unrolled fetches from a texture 5 times, and as a loop over that texture 8 times.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Float
@@ -41,8 +41,14 @@ def fixed_light(matrix: Float[Array, "3 ki kk"], lobe: Lobe) -> str:
     return _function(bands, lobe, ["vec3 sum = vec3(0.0);", *lines, "return sum;"])
 
 
-def full(lobe: Lobe, bands: int | None = None, bands_light: int | None = None) -> str:
-    """The function for any light: it reads `uniform mat4x3 light[]`, whose column j of light[l] is RGB of L_{4l+j}.
+def full(
+    lobe: Lobe,
+    bands: int | None = None,
+    bands_light: int | None = None,
+    coefficient: Callable[[int], str] = lambda j: f"light[{j // 4}][{j % 4}]",
+) -> str:
+    """The function for any light: it reads `uniform mat4x3 light[]`, whose column j of light[l] is RGB of L_{4l+j}, or
+    what `coefficient` spells as L_j.
 
     `bands` of the transfer and of the light are as many as the lobe's where left out. Only the tau that are not zero
     are written. Raises PrtnetError above MAX_BANDS.
@@ -58,7 +64,7 @@ def full(lobe: Lobe, bands: int | None = None, bands_light: int | None = None) -
         for j in np.flatnonzero(tau[i, :, k]):
             sums[j].append(f"{number(tau[i, j, k])} * p{i}_{k}")
     lines.append("vec3 sum = vec3(0.0);")
-    lines += [f"sum += light[{j // 4}][{j % 4}] * ({' + '.join(terms)});" for j, terms in enumerate(sums) if terms]
+    lines += [f"sum += {coefficient(j)} * ({' + '.join(terms)});" for j, terms in enumerate(sums) if terms]
     return _function(bands, lobe, [*lines, "return sum;"])
 
 

@@ -1,12 +1,13 @@
-"""A net as one GLSL function with its weights as literals. No arrays, no loops; without grids nothing to bind.
+"""A net as one GLSL function.
 
     void prt_transfer(vec3 position, vec3 normal, out vec4 t0, out vec4 t1, ...)
 
 `position` is the centred position in [-1, 1]^3, `normal` the unit world normal, and `t0.x, t0.y, ...` the SH
-coefficients of the transfer, the last vector padded with 0. Each layer is h = b + mat4(...) * x0 + mat4(...) * x1 + ...
-over vec4s. Sine and cosine are polynomials of the reduced argument in turns, since those of some drivers
-are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ... (`prtnet.export.grid`),
-hashed ones prt_hash0, ... (`prtnet.export.hash_grid`).
+coefficients of the transfer, the last vector padded with 0. Weights are literals (`prtnet.export.literal`), so that
+without grids there is nothing to bind, or stand in a texture (`prtnet.export.weight_texture`) or in uniform blocks
+(`prtnet.export.uniform_block`). Sine and cosine are polynomials of the reduced argument in turns, since those of some
+drivers are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ...
+(`prtnet.export.grid`), hashed ones prt_hash0, ... (`prtnet.export.hash_grid`).
 """
 
 import math
@@ -14,46 +15,69 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Int
-
 from prtnet import PrtnetError, netspec, sh
-from prtnet.export import grid, hash_grid
-from prtnet.export.spelling import grouped, number, quads, vector, zonal_harmonics
+from prtnet.export import form, grid, hash_grid, limits, literal, uniform_block, weight_texture
+from prtnet.export.form import Form
+from prtnet.export.limits import Limits
+from prtnet.export.spelling import grouped, number, quads, zonal_harmonics
 from prtnet.netspec import NetSpec
 
-VERSIONS = ("330", "430", "300 es")
-MAX_LITERAL_MACS = 60_000
+VERSIONS = form.VERSIONS
 
 # sin(2 pi t) = t P(t^2) on a quarter turn, minimax in absolute error: 3.3e-9
 _SINE = (6.28318516, -41.34165503, 81.60100406, -76.54978194, 39.53670321)
 _TURN = 6.28125  # 2 pi but for 1.9e-3
 
 
-def emit(net: NetSpec, *, version: str = "330", storage: str = "literal") -> str:
+def emit(
+    net: NetSpec,
+    *,
+    version: str = "330",
+    storage: str = "literal",
+    precision: str = "float32",
+    digits: int = 9,
+    target: Limits | None = None,
+) -> str:
     """The text of `prt_transfer` and its helpers (all named prt_...), to paste into a shader of that version.
 
-    Raises PrtnetError where the net is too large for literals: compilers take minutes.
+    What it computes is the net `form.rounded`. Raises PrtnetError where the net is too large for literals, since
+    compilers take minutes, or for `target`: the least that the version promises, unless given.
     """
-    _check(net, version, storage)
-    lines = [_header(net)]
-    if version.endswith("es"):
-        lines += ["precision highp float;", "precision highp int;"]
-    lines += grid.declarations(net) + hash_grid.declarations(net) + _helpers(net)
-    lines += [f"void prt_transfer(vec3 position, vec3 normal, {_outputs(net)}) {{"]
-    lines += [f"  {line}" for line in _body(net)]
-    return "\n".join(lines) + "\n}\n"
+    return transfer(net, Form(version, storage, precision, digits), target)
+
+
+def transfer(net: NetSpec, wanted: Form, target: Limits | None = None) -> str:
+    """`emit` with its options as one."""
+    target = target or limits.MINIMUM[wanted.version]
+    chosen = wanted.of(net)
+    outputs = ", ".join(f"out vec4 t{i}" for i in range(vectors(net)))
+    lines = [f"void prt_transfer({parameters(net)}, {outputs}) {{"]
+    lines += [f"  {line}" for line in _body(form.rounded(net, chosen), chosen, target)]
+    return written(net, chosen, target, lines)
+
+
+def inputs(net: NetSpec) -> dict[str, str]:
+    """What a point is given by, with types: the first parameters of all functions of a point."""
+    return {"position": "vec3", "normal": "vec3"}
+
+
+def parameters(net: NetSpec) -> str:
+    """`inputs` as a function declares them."""
+    return ", ".join(f"{kind} {name}" for name, kind in inputs(net).items())
 
 
 def fragment_shader(net: NetSpec, version: str = "330") -> str:
     """A whole fragment shader with its version line: `emit` within `around`."""
-    head = [f"#version {version}" if version.endswith("es") else f"#version {version} core"]
+    return whole(version, around(net, emit(net, version=version)))
+
+
+def whole(version: str, text: str) -> str:
+    """With the version line."""
     if version.endswith("es"):
-        head += ["precision highp float;", "precision highp sampler2D;"]
-    return "\n".join(head) + "\n" + around(net, emit(net, version=version))
+        return f"#version {version}\nprecision highp float;\nprecision highp sampler2D;\n{text}"
+    return f"#version {version} core\n{text}"
 
 
 def around(net: NetSpec, source: str, *, first: int = 0) -> str:
@@ -64,15 +88,23 @@ def around(net: NetSpec, source: str, *, first: int = 0) -> str:
     """
     names = [f"t{i}" for i in range(vectors(net))]
     written = names[first : first + 8]
-    lines = ["uniform sampler2D positions;", "uniform sampler2D normals;"]
-    lines += [f"layout(location = {i}) out vec4 colour_{name};" for i, name in enumerate(written)]
-    lines += [source, "void main() {"]
-    lines += ["  ivec2 pixel = ivec2(gl_FragCoord.xy);"]
-    lines += ["  vec3 position = texelFetch(positions, pixel, 0).xyz, normal = texelFetch(normals, pixel, 0).xyz;"]
+    lines = [f"layout(location = {i}) out vec4 colour_{name};" for i, name in enumerate(written)]
+    lines += [*point(net), source, "void main() {", *at_pixel(net)]
     lines += [f"  vec4 {', '.join(names)};"]
-    lines += [f"  prt_transfer(position, normal, {', '.join(names)});"]
+    lines += [f"  prt_transfer({', '.join([*inputs(net), *names])});"]
     lines += [f"  colour_{name} = {name};" for name in written]
     return "\n".join(lines) + "\n}\n"
+
+
+def point(net: NetSpec) -> list[str]:
+    """The textures that give a pixel its point: `positions`, `normals`."""
+    return [f"uniform sampler2D {name}s;" for name in inputs(net)]
+
+
+def at_pixel(net: NetSpec) -> list[str]:
+    """Statements after which a pixel has its point."""
+    fetched = [f"  {kind} {name} = {kind}(texelFetch({name}s, pixel, 0));" for name, kind in inputs(net).items()]
+    return ["  ivec2 pixel = ivec2(gl_FragCoord.xy);", *fetched]
 
 
 def validate(source: str) -> str | None:
@@ -99,29 +131,41 @@ def vectors(net: NetSpec) -> int:
 
 def padded_macs(net: NetSpec) -> int:
     """Multiply-adds of the layers with every size rounded up to a multiple of 4, as the mat4 form computes them."""
-    return _padded_macs([net.weights[0].shape[1], *map(len, net.biases)], net.groups)
+    return form.padded_macs_of(form.sizes_of(net), net.groups)
 
 
-def check_size(sizes: list[int], groups: int = 1) -> None:
-    """Raises PrtnetError where a net of these layers, inputs first, is too large for literals."""
-    if _padded_macs(sizes, groups) > MAX_LITERAL_MACS:
-        raise PrtnetError(
-            f"GLSL export: found {_padded_macs(sizes, groups)} padded multiply-adds, expected at most"
-            f" {MAX_LITERAL_MACS} as literals, since compilers take minutes; lower model.width or model.depth"
-        )
+def needs(net: NetSpec, chosen: Form, target: Limits, source_bytes: int = 0, components: int = 0) -> limits.Needs:
+    """What a function asks of its target, with the textures that `around` reads."""
+    blocks = uniform_block.blocks(net, target.block_bytes) if chosen.storage == "ubo" else []
+    image = weight_texture.texels(net).shape if chosen.storage == "texture" else (0,)
+    return limits.Needs(
+        source_bytes,
+        block_bytes=max((each.nbytes for each in blocks), default=0),
+        blocks=len(blocks),
+        components=components,
+        weight_side=max(image[:2]),
+        texture_side=max((max(hash_grid.texels(each.table).shape[:2]) for each in net.hashes), default=0),
+        volume_side=max((max(grid.texels(each).shape[:3]) for each in net.grids), default=0),
+        samplers=len(inputs(net)) + len(net.grids) + len(net.hashes) + (chosen.storage == "texture"),
+    )
 
 
-def _padded_macs(sizes: list[int], groups: int) -> int:
-    vectors = [*map(quads, sizes[:-1]), groups * quads(sizes[-1] // groups)]
-    return sum(16 * before * after for before, after in pairwise(vectors))
+def written(net: NetSpec, chosen: Form, target: Limits, function: list[str], components: int = 0) -> str:
+    """The lines of a function, but for its last brace, below what they need. Raises PrtnetError beyond `target`.
 
-
-def _check(net: NetSpec, version: str, storage: str) -> None:
-    if version not in VERSIONS:
-        raise PrtnetError(f"GLSL version: found {version!r}, expected one of {', '.join(VERSIONS)}")
-    if storage != "literal":
-        raise PrtnetError(f"GLSL weight storage: found {storage!r}, expected 'literal'")
-    check_size([net.weights[0].shape[1], *map(len, net.biases)], net.groups)
+    `components`: of the uniforms among these lines.
+    """
+    lines = [_header(net)]
+    if chosen.version.endswith("es"):
+        lines += ["precision highp float;", "precision highp int;"]
+    lines += grid.declarations(net) + hash_grid.declarations(net)
+    if chosen.storage == "texture":
+        lines += weight_texture.declarations(net, chosen.precision)
+    elif chosen.storage == "ubo":
+        lines += uniform_block.declarations(net, target.block_bytes)
+    text = "\n".join([*lines, *_helpers(net), *function]) + "\n}\n"
+    limits.check(needs(net, chosen, target, len(text), components), target)
+    return text
 
 
 def _header(net: NetSpec) -> str:
@@ -141,10 +185,6 @@ def _groups(net: NetSpec) -> str:
     each = quads(sh.count(net.bands))
     names = ", ".join(f"{word} t{group * each}" for group, word in enumerate(("direct", "red", "green", "blue")))
     return f"\n// with light from other surfaces: four groups of {each} vectors, beginning at {names}"
-
-
-def _outputs(net: NetSpec) -> str:
-    return ", ".join(f"out vec4 t{i}" for i in range(vectors(net)))
 
 
 def _helpers(net: NetSpec) -> list[str]:
@@ -187,25 +227,33 @@ def _activation(net: NetSpec) -> str:
     return f"return x / (1.0 + exp(min(-({argument}), vec4(80.0))));"
 
 
-def _body(net: NetSpec) -> Iterator[str]:
+def _body(net: NetSpec, chosen: Form, target: Limits) -> Iterator[str]:
+    """Statements that fill t0, t1, ... from the point."""
     names: list[str] = []
+    yield from hidden(net, chosen, target, len(net.weights), names)
+    if net.output_scale != 1:
+        names = [f"{number(net.output_scale)} * {name}" for name in names]
+    if net.residual:
+        lobe: list[str] = []
+        yield from zonal_harmonics("normal", sh.cosine_zonal(net.bands), lobe)
+        names = [f"{name} + {group}" for name, group in zip(names, net.groups * grouped(lobe), strict=True)]
+    for i, expression in enumerate(names):
+        yield f"t{i} = {expression};"
+
+
+def hidden(net: NetSpec, chosen: Form, target: Limits, count: int, names: list[str]) -> Iterator[str]:
+    """Statements after which `names` has what leaves layer `count`, as vec4s."""
     for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
         yield from _encoding(letter, frequencies if net.encoding != "identity" else 0, names)
     yield from grid.statements(net, names)
     yield from hash_grid.statements(net, names)
-    for i, group in enumerate(grouped(names)):
-        yield f"vec4 x0_{i} = {group};"
-    for layer in range(len(net.weights)):
-        yield from _layer(net, layer)
-    result = [f"x{len(net.weights)}_{i}" for i in range(vectors(net))]
-    if net.output_scale != 1:
-        result = [f"{number(net.output_scale)} * {name}" for name in result]
-    if net.residual:
-        lobe: list[str] = []
-        yield from zonal_harmonics("normal", sh.cosine_zonal(net.bands), lobe)
-        result = [f"{name} + {group}" for name, group in zip(result, net.groups * grouped(lobe), strict=True)]
-    for i, expression in enumerate(result):
-        yield f"t{i} = {expression};"
+    names[:] = grouped(names)
+    if chosen.storage == "texture":
+        yield from weight_texture.layers(net, names, count)
+    elif chosen.storage == "ubo":
+        yield from uniform_block.layers(net, names, count, target.block_bytes)
+    else:
+        yield from literal.layers(net, names, count, chosen.digits)
 
 
 def _encoding(vector: str, frequencies: int, names: list[str]) -> Iterator[str]:
@@ -217,31 +265,3 @@ def _encoding(vector: str, frequencies: int, names: list[str]) -> Iterator[str]:
         yield f"{turns} -= floor({turns} + 0.5);"
         yield f"vec3 {turns}s = prt_sin({turns}), {turns}c = prt_cos({turns});"
         names += [f"{turns}{function}.{axis}" for function in "sc" for axis in "xyz"]
-
-
-def _layer(net: NetSpec, layer: int) -> Iterator[str]:
-    weight, bias = net.weights[layer], net.biases[layer]
-    groups = net.groups if layer == len(net.weights) - 1 else 1
-    each, columns = quads(weight.shape[0] // groups), quads(weight.shape[1])
-    rows = groups * each
-    row = _padded_rows(len(bias) // groups, groups)
-    padded, shift = np.zeros((4 * rows, 4 * columns), np.float32), np.zeros(4 * rows, np.float32)
-    padded[row, : weight.shape[1]] = weight
-    shift[row] = bias
-    for row in range(rows):
-        terms = [vector("vec4", shift[4 * row : 4 * row + 4])]
-        for column in range(columns):
-            block = padded[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
-            terms += [f"{vector('mat4', block.T.ravel())} * x{layer}_{column}"]
-        yield f"vec4 x{layer + 1}_{row} = {_bent(net, layer, ' + '.join(terms))};"
-
-
-def _padded_rows(size: int, groups: int) -> Int[np.ndarray, " n"]:
-    """Where groups of `size` rows stand when each begins with a vec4 of its own."""
-    return (np.arange(size) + 4 * quads(size) * np.arange(groups)[:, None]).ravel()
-
-
-def _bent(net: NetSpec, layer: int, expression: str) -> str:
-    if layer < len(net.weights) - 1:
-        return f"prt_bend({expression})"
-    return f"tanh({expression})" if net.output == "tanh" else expression

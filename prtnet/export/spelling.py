@@ -12,15 +12,15 @@ from jaxtyping import Float
 Array = np.ndarray
 
 
-def number(value: float | np.floating) -> str:
-    """A GLSL float literal that reads back as the same float32. Denormals, which GLSL may flush, become 0."""
-    text = f"{float(value):.9g}" if abs(value) >= np.finfo(np.float32).tiny else "0"
+def number(value: float | np.floating, digits: int = 9) -> str:
+    """A GLSL float literal; of 9 digits it reads back as the same float32. Denormals, which GLSL may flush, are 0."""
+    text = f"{float(value):.{digits}g}" if abs(value) >= np.finfo(np.float32).tiny else "0"
     return text if any(mark in text for mark in ".e") else f"{text}.0"
 
 
-def vector(kind: str, values: Float[Array, " n"]) -> str:
+def vector(kind: str, values: Float[Array, " n"], digits: int = 9) -> str:
     """A constructor of literals: vec4, mat4 (column by column), ..."""
-    return f"{kind}({', '.join(number(value) for value in values)})"
+    return f"{kind}({', '.join(number(value, digits) for value in values)})"
 
 
 def quads(size: int) -> int:

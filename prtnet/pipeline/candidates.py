@@ -1,7 +1,7 @@
 """The networks that stage `size` chooses from, their costs, and the job with one of them."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from prtnet import PrtnetError
 from prtnet.config import Config
-from prtnet.export import glsl
+from prtnet.export.form import Form
 from prtnet.models import recipe
 from prtnet.size import COSTS, VIEWS, Candidate, within
 
@@ -35,15 +35,20 @@ def space(config: Config, outputs: int, shading: int) -> tuple[list[Candidate], 
 
     `outputs`: coefficients of all groups; `shading`: multiply-adds of a pixel besides those of the net.
     """
-    fit, large = [], []
+    fit, large, form = [], [], form_of(config)
     for candidate in {each.name: each for each in _all(config, outputs, shading)}.values():
         try:
             groups = 4 if config.transfer.transport == "interreflected" else 1
-            glsl.check_size(_sizes(configured(config, candidate), outputs), groups)
+            form.of_sizes(_sizes(configured(config, candidate), outputs), groups)
             fit.append(candidate)
         except PrtnetError:
             large.append(candidate)
     return fit, large
+
+
+def form_of(config: Config) -> Form:
+    """How the network is exported. Raises PrtnetError, naming the key, for a word that means nothing."""
+    return Form(**asdict(config.export))
 
 
 def configured(config: Config, candidate: Candidate) -> Config:
@@ -83,7 +88,10 @@ def check(config: Config, outputs: int, shading: int) -> None:
     fit, large = space(config, outputs, shading)
     if large and not fit:
         names = ", ".join(each.name for each in large)
-        raise PrtnetError(f"size: found only networks too large to export as literals ({names}), expected smaller ones")
+        raise PrtnetError(
+            f"size: found only networks too large to export as literals ({names}), expected smaller ones, or "
+            "export.storage=auto"
+        )
     within(fit, max_macs=options.max_macs, max_bytes=options.max_bytes)
 
 

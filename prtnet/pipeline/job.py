@@ -16,7 +16,7 @@ from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
-from prtnet.export import gloss, glsl
+from prtnet.export import gloss
 from prtnet.models import recipe
 from prtnet.pipeline import candidates
 from prtnet.render import reflectance, transfer_map
@@ -165,11 +165,11 @@ def _check_atlas(config: Config) -> None:
 
 def _check_export(config: Config) -> None:
     """A net that cannot be exported is not trained, unless nobody asks for its export."""
-    outputs = _groups(config) * sh.count(config.transfer.bands)
+    form, outputs = candidates.form_of(config), _groups(config) * sh.count(config.transfer.bands)
     if "size" in config.stages:
         candidates.check(config, outputs, _shading_macs(config))
     elif "net" in config.methods and {"export", "score"} & set(config.stages):
-        glsl.check_size(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
+        form.of_sizes(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
 
 
 def _groups(config: Config) -> int:

@@ -1,15 +1,15 @@
 """Runs an exported net on the GL driver and compares it with its NumPy twin."""
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from prtnet import gl, netspec, sh
-from prtnet.export import glsl
+from prtnet.export import glsl, weight_texture
 from prtnet.netspec import NetSpec
-from prtnet.render import features
+from prtnet.render import features, pixelwise
+from prtnet.render.pixelwise import Pass
 
 Array = np.ndarray
 
@@ -24,9 +24,19 @@ class Errors(NamedTuple):
     mean: float
 
 
-def glsl_error(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Errors:
-    """Errors of the function text `source` (`glsl.emit`) at centred positions and unit normals."""
-    found = run(net, source, positions, normals)
+def glsl_error(
+    net: NetSpec,
+    source: str,
+    positions: Float[Array, "n 3"],
+    normals: Float[Array, "n 3"],
+    *,
+    weights: Float[Array, "h w 4"] | None = None,
+) -> Errors:
+    """Errors of the function text `source` (`glsl.emit`) at centred positions and unit normals.
+
+    `weights`: the image of its weight texture, where it has one.
+    """
+    found = run(net, source, positions, normals, weights=weights)
     error = np.abs(found - netspec.evaluate_unit(net, positions.astype(np.float64), normals))
     return Errors(float(error.max()), float(error.mean()))
 
@@ -38,33 +48,44 @@ def random_points(count: int, rng: np.random.Generator) -> tuple[Float[Array, "n
     return rng.uniform(-1, 1, (count, 3)).astype(np.float32), normals.astype(np.float32)
 
 
-def run(net: NetSpec, source: str, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
+def run(
+    net: NetSpec,
+    source: str,
+    positions: Float[Array, "n 3"],
+    normals: Float[Array, "n 3"],
+    *,
+    weights: Float[Array, "h w 4"] | None = None,
+) -> Float[Array, "n c"]:
     """The coefficients that the function text `source` gives on the driver, one pixel a point."""
-    side = math.isqrt(max(len(positions) - 1, 0)) + 1
-    textures: dict[str, Any] = {
-        "positions": gl.upload(_image(positions, side)),
-        "normals": gl.upload(_image(normals, side)),
+    return coefficients(net, passes(net, source, textures(net, positions, normals, weights)), len(positions))
+
+
+def textures(
+    net: NetSpec,
+    positions: Float[Array, "n 3"],
+    normals: Float[Array, "n 3"],
+    weights: Float[Array, "h w 4"] | None = None,
+) -> dict[str, Any]:
+    """What the samplers of a shader about a function of the net read: the points, one a pixel, and the net's own."""
+    found: dict[str, Any] = {
+        "positions": gl.upload(pixelwise.image(positions)),
+        "normals": gl.upload(pixelwise.image(normals)),
     }
-    textures |= features.upload(net.grids, net.hashes)
-    layers = []
-    for first in range(0, glsl.vectors(net), _ATTACHMENTS):
-        count = min(_ATTACHMENTS, glsl.vectors(net) - first)
-        layers += _draw(glsl.around(net, source, first=first), side, textures, count)
-    flat = np.concatenate(layers, axis=2).reshape(side * side, net.groups, -1)
-    return flat[: len(positions), :, : sh.count(net.bands)].reshape(len(positions), -1)
+    if weights is not None:
+        found[weight_texture.NAME] = gl.upload_table(weights)
+    return found | features.upload(net.grids, net.hashes)
 
 
-def _image(points: Float[Array, "n 3"], side: int) -> Float[Array, "s s 4"]:
-    image = np.zeros((side * side, 4), np.float32)
-    image[: len(points), :3] = points
-    return image.reshape(side, side, 4)
+def passes(net: NetSpec, source: str, found: dict[str, Any]) -> list[Pass]:
+    """The function text `source` drawn once, in as many passes as its outputs take. `found`: `textures`."""
+    count = glsl.vectors(net)
+    return [
+        Pass(glsl.around(net, source, first=first), found, outputs=min(_ATTACHMENTS, count - first))
+        for first in range(0, count, _ATTACHMENTS)
+    ]
 
 
-def _draw(fragment: str, side: int, textures: dict[str, Any], layers: int) -> list[Float[Array, "s s 4"]]:
-    program = gl.program(gl.shader("fullscreen.vert.glsl"), fragment)
-    target = gl.target(side, side, layers)
-    for unit, (name, texture) in enumerate(textures.items()):
-        texture.use(unit)
-        gl.put(program, **{name: unit})
-    gl.fullscreen(program, target)
-    return [target.read(layer) for layer in range(layers)]
+def coefficients(net: NetSpec, drawn: list[Pass], points: int) -> Float[Array, "n c"]:
+    """What `passes` has drawn, without the padding."""
+    flat = np.concatenate([each.read() for each in drawn], axis=1)[:points].reshape(points, net.groups, -1)
+    return flat[:, :, : sh.count(net.bands)].reshape(points, -1)

@@ -68,20 +68,3 @@ def test_padded_multiply_adds():
     assert glsl.padded_macs(random_net(width=5, depth=2, position_frequencies=3, normal_frequencies=2)) == (
         8 * 36 + 8 * 8 + 28 * 8
     )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"version": "120"}, "GLSL version: found '120'"),
-        ({"storage": "ubo"}, "storage: found 'ubo'"),
-    ],
-)
-def test_unknown_words_are_refused(arguments, message):
-    with pytest.raises(PrtnetError, match=message):
-        glsl.emit(random_net(), **arguments)
-
-
-def test_too_large_a_net_is_refused_as_literals():
-    with pytest.raises(PrtnetError, match=r"padded multiply-adds, expected at most 60000.*model\.width"):
-        glsl.emit(random_net(width=160, depth=4))

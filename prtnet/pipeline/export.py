@@ -1,37 +1,47 @@
-"""Stage `export`: the net as a file and as GLSL, the baselines as files, and the shader's error against its twin."""
+"""Stage `export`: the net as a file and as GLSL with their certificate, and the baselines as files."""
 
-import json
+import hashlib
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from prtnet import PrtnetError, gl, netspec, store
-from prtnet.export import glsl, gltf, texture_file, vertices
+from prtnet.export import bundle, certificate, gltf, limits, texture_file, vertices
+from prtnet.export.bundle import Bundle
+from prtnet.export.form import Form
+from prtnet.models import of_spec
+from prtnet.netspec import NetSpec
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
+from prtnet.pipeline.candidates import form_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
-from prtnet.render import verify
+from prtnet.render import certify, verify
 
 log = logging.getLogger(__name__)
+Array = np.ndarray
 
 CHECKED_POINTS = 1 << 14
+NET = "net.safetensors"
+# what is left of earlier versions
+_FORMER = ("export.json",)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Exported:
-    """The net's shader, where there is a net."""
+    """The shaders that methods draw, where there is a net."""
 
-    shader: str | None  # the function prt_transfer
+    drawn: Bundle | None
     facts: Mapping[str, Any]
 
 
 def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
-    """Write the net, its shaders, export.json and the files of the baselines into the run folder.
+    """Write the net, its shaders, certificate.json and the files of the baselines into the run folder.
 
-    Raises PrtnetError, and leaves no shader behind, when its error against the NumPy twin is above 1e-5.
+    Raises PrtnetError, and leaves nothing of the net behind, when an error is above its bound.
     """
     exported = _net(job, baked.points, trained) if trained and baked.points else Exported(None, {})
     _write_texture(job, baked.texture)
@@ -41,40 +51,79 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
 
 
 def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
-    shader = glsl.emit(trained.net)
-    whole = glsl.fragment_shader(trained.net)
-    complaint = glsl.validate(whole)
-    if complaint:
-        raise PrtnetError(f"export: glslang refuses the shader: {complaint}")
-    facts = _measured(job, points, trained, shader)
-    if facts["error_max"] > verify.TOLERANCE:
-        raise PrtnetError(
-            f"export: the shader differs from the net by {facts['error_max']:.2g} in a coefficient, expected at most "
-            f"{verify.TOLERANCE:g}; no shader was written"
-        )
-    facts |= {"macs": netspec.macs(trained.net), "bytes": netspec.byte_count(trained.net), "glsl_bytes": len(shader)}
-    netspec.save(trained.net, job.out / "net.safetensors")
-    store.write_text(job.out / "transfer.glsl", shader)
-    store.write_text(job.out / "transfer.frag", whole)
-    store.write_text(job.out / "export.json", json.dumps(facts, indent=1, sort_keys=True) + "\n")
-    log.info("export: shader against NumPy: %.1e at most, %.1e on average", facts["error_max"], facts["error_mean"])
-    return Exported(shader, facts)
+    try:
+        made, beyond = _made(trained.net, form_of(job.config))
+        validated = bundle.validate(made)
+        measured = _measured(job, points, trained, made)
+        certificate.refuse(measured["errors"])
+    except PrtnetError:
+        certificate.remove(job.out, (*bundle.NAMES, NET, *_FORMER))
+        raise
+    facts = {"net": certificate.of_net(trained.net), "form": asdict(made.form), **measured}
+    facts |= {"validated": validated, **({"beyond_minimum": beyond} if beyond else {})}
+    certificate.remove(job.out, (*(set(bundle.NAMES) - set(made.files)), *_FORMER))
+    netspec.save(trained.net, job.out / NET)
+    for name, data in made.files.items():
+        store.write_bytes(job.out / name, data)
+    certificate.write(job.out, facts, [NET, *made.files])
+    words = "; ".join(f"{what} {each['max']:.1e}" for what, each in measured["errors"].items())
+    log.info("export: %s, %s; errors at most: %s", made.form.storage, measured.get("device", "not run"), words)
+    # uniform blocks are not run: what is drawn has the same weights
+    drawn = made if measured["executed"] else bundle.bundle(trained.net, Form(), _driver())
+    return Exported(drawn, {**facts["net"], "agreement": _agreement(measured)})
 
 
-def _measured(job: Job, points: NetPoints, trained: Trained, shader: str) -> dict[str, Any]:
-    """The shader run against the NumPy twin at test points of this scene and at random points of the whole cube."""
-    inputs = {"net": trained.key, "shader": shader, "points": CHECKED_POINTS}
+def _made(net: NetSpec, wanted: Form) -> tuple[Bundle, str]:
+    """The shaders, and what the least of drivers may refuse of them. Of a browser no more than that is known here, and
+    uniform blocks should fit everywhere."""
+    if wanted.version.endswith("es") or wanted.storage == "ubo":
+        return bundle.bundle(net, wanted), ""
+    try:
+        return bundle.bundle(net, wanted), ""
+    except PrtnetError as error:
+        made = bundle.bundle(net, wanted, _driver())
+        log.warning("export: this driver holds the shaders, others may not: %s", error)
+        return made, str(error)
+
+
+def _driver() -> limits.Limits:
+    return limits.of_driver(gl.context().info)
+
+
+def _agreement(measured: Mapping[str, Any]) -> str:
+    if not measured["executed"]:
+        return measured["reason"]
+    found = measured["errors"]["coefficients"]
+    return f"{found['max']:.1e} (bound {found['bound']:g})"
+
+
+def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> dict[str, Any]:
+    """The shaders and torch run against the NumPy twin at test points of this scene and at random points of the whole
+    cube."""
+    texts = hashlib.sha256(b"".join(made.files[name] for name in sorted(made.files))).hexdigest()
+    inputs = {"net": trained.key, "shaders": texts, "points": CHECKED_POINTS}
 
     def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         rng = job.rng("export")
         positions, normals = verify.random_points(CHECKED_POINTS, rng)
         few = rng.permutation(len(points.areas.positions))[:CHECKED_POINTS]
-        positions = np.concatenate([positions, points.areas.positions[few]])
-        normals = np.concatenate([normals, points.areas.normals[few]])
-        error = verify.glsl_error(trained.net, shader, positions, normals)
-        return {}, {"error_max": error.highest, "error_mean": error.mean, "driver": gl.context().info["GL_RENDERER"]}
+        positions = np.concatenate([positions, points.areas.positions[few]]).astype(np.float32)
+        normals = np.concatenate([normals, points.areas.normals[few]]).astype(np.float32)
+        facts = certify.errors_and_timing(made, trained.net, certify.Points(positions, normals))
+        facts["points"] = {"cube": CHECKED_POINTS, "scene": len(few)}
+        facts["errors"]["torch"] = _torch_error(job, trained.net, positions, normals)
+        return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
+
+
+def _torch_error(
+    job: Job, net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]
+) -> dict[str, float]:
+    module = of_spec.of_spec(net, job.config.model, job.config.train)
+    found = of_spec.transfer(module, positions, normals)
+    error = np.abs(found - netspec.evaluate_unit(net, positions.astype(np.float64), normals))
+    return {"max": float(error.max()), "mean": float(error.mean())}
 
 
 def _write_texture(job: Job, baked: BakedTexture) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from prtnet import netspec, score, sh
 from prtnet.data import quantise
+from prtnet.export.bundle import Bundle
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -32,8 +33,8 @@ def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported
         made["vertex"] = _vertex(job, baked.mesh)
     if baked.lit:
         made["lit_texture"] = _lit_texture(job, baked.lit, drawing)
-    if baked.points and trained and exported.shader:
-        made["net"] = _net(job, baked.points, trained, exported.shader, drawing)
+    if baked.points and trained and exported.drawn:
+        made["net"] = _net(job, baked.points, trained, exported.drawn, drawing)
     return made
 
 
@@ -106,7 +107,7 @@ def _vertex(job: Job, baked: BakedMesh) -> Drawn:
     return Drawn(VertexMethod(baked.mesh, baked.transfer, size, material=job.material, groups=job.groups), costs)
 
 
-def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Raster) -> Drawn:
+def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, drawing: Raster) -> Drawn:
     costs = {
         "macs": netspec.macs(trained.net) + job.shading_macs,
         "bytes": netspec.byte_count(trained.net),
@@ -115,10 +116,12 @@ def _net(job: Job, points: NetPoints, trained: Trained, shader: str, drawing: Ra
     }
     shaded = NetMethod(
         drawing,
-        shader,
+        exported.transfer,
         material=job.material,
         groups=job.groups,
         grids=trained.net.grids,
         hashes=trained.net.hashes,
+        weights=exported.weights,
+        folding=(exported.net, exported.irradiance) if exported.irradiance else None,
     )
     return Drawn(shaded, lambda pixels: costs)

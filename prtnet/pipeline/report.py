@@ -13,7 +13,6 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import Scored
 from prtnet.pipeline.train import Trained
-from prtnet.render import verify
 
 log = logging.getLogger(__name__)
 
@@ -21,6 +20,11 @@ FILES = {
     "net.safetensors": "the network, for prtnet.netspec.load",
     "transfer.glsl": "the function prt_transfer with the weights in it, to paste into a shader",
     "transfer.frag": "the same as a whole fragment shader",
+    "shading.glsl": "prt_shade_diffuse and prt_shade_glossy, to paste below it",
+    "shading.frag": "both as a whole fragment shader",
+    "irradiance.glsl": "prt_irradiance, with the light folded into the last layer, in place of the others",
+    "irradiance.frag": "the same as a whole fragment shader",
+    "transfer_weights.bin": "the weights of the shaders' texture or uniform blocks",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
     "transfer_texture.json": "what the channels are, for readers of the texture",
     "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",
@@ -29,7 +33,7 @@ FILES = {
     "pictures": "the first view of each method as the display options of this run show it",
     "lobes.png": "transfer of four held-out points on the sphere: the truth, the net's, their difference",
     "score.json": "the scores below, for programs",
-    "export.json": "the measured error of the shader",
+    "certificate.json": "measured errors and times of the shaders, and checksums",
     "config.yaml": "every key of this run",
 }
 
@@ -134,7 +138,7 @@ def _net_facts(points: NetPoints, trained: Trained, exported: Exported) -> dict[
         "transfer RMSE, vertices": trained.facts["vertices_rmse"],
         "multiply-adds of the net": exported.facts["macs"],
         "bytes of the net": exported.facts["bytes"],
-        "shader against NumPy, worst coefficient": f"{exported.facts['error_max']:.1e} (bound {verify.TOLERANCE:g})",
+        "shader against NumPy, worst coefficient": exported.facts["agreement"],
     }
 
 

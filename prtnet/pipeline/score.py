@@ -50,7 +50,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "atlas": asdict(job.config.atlas),
         "vertex": baked.mesh and baked.mesh.key,
         "net": trained and trained.key,
-        "shader": exported.shader,
+        "shader": exported.drawn and exported.drawn.transfer,
         "light": coefficients.tolist(),
         "material": asdict(job.material),
         "render": {key: value for key, value in asdict(job.config.render).items() if key not in SHOWN_ONLY},

@@ -12,8 +12,9 @@ from jaxtyping import Float, Float32
 from prtnet import PrtnetError, gl, sh
 from prtnet.data.texture import Page, page_of
 from prtnet.encoding import HashGrid
-from prtnet.export import gloss
+from prtnet.export import fold, gloss, weight_texture
 from prtnet.export.spelling import number, vector
+from prtnet.netspec import NetSpec
 from prtnet.render import features, reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
@@ -201,7 +202,9 @@ class TextureMethod(Shaded):
 class NetMethod(Shaded):
     """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel.
 
-    `grids` and `hashes` are those of its net.
+    `grids` and `hashes` are those of its net, `weights` the image of its weight texture, where it has them. With
+    `folding`, a diffuse material is drawn by the function text of `export.fold.irradiance` instead, and the net that
+    belongs to it says what the light is folded into.
     """
 
     def __init__(
@@ -213,8 +216,13 @@ class NetMethod(Shaded):
         groups: int = 1,
         grids: Sequence[Float[Array, "_ _ _ _"]] = (),
         hashes: Sequence[HashGrid] = (),
+        weights: Float[Array, "h w 4"] | None = None,
+        folding: tuple[NetSpec, str] | None = None,
     ):
         self._features = features.upload(grids, hashes)
+        if weights is not None:
+            self._features[weight_texture.NAME] = gl.upload_table(weights)
+        self._net, irradiance = (None, "") if folding is None or material.glossy else folding
         signature = re.search(r"void\s+prt_transfer\s*\(([^)]*)\)", function)
         outputs = signature.group(1).count("out vec4") if signature else 0
         if not outputs:
@@ -224,7 +232,19 @@ class NetMethod(Shaded):
         arguments = ", ".join(f"t{layer}" for layer in range(outputs))
         transfer = f"prt_transfer(position, shading_normal(), {arguments})"
         most = 4 * outputs // groups
+        if irradiance:
+            function, transfer = irradiance, ""
         super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
+
+    def _received(self, names: list[str]) -> str:
+        """Irradiance as an expression of the vectors, or folded."""
+        return super()._received(names) if self._net is None else "prt_irradiance(position, shading_normal())"
+
+    def set_light(self, light: Float[Array, "k 3"]) -> None:
+        """Upload a light. Raises PrtnetError where its bands are not those of the transfer."""
+        super().set_light(light)
+        if self._net is not None:
+            gl.put(self.program, **fold.uniforms(self._net, light))
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""

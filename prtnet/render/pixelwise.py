@@ -40,7 +40,9 @@ class Pass:
         self._target.framebuffer.scissor = 0, 0, width, height
         self.draw()
 
-    def draw(self) -> None:
+    def draw(self, **uniforms: object) -> None:
+        """Again, with uniforms that are others now."""
+        gl.put(self._program, **uniforms)
         for unit, (name, texture) in enumerate(self._textures.items()):
             texture.use(unit)
             gl.put(self._program, **{name: unit})

@@ -47,7 +47,7 @@ def test_a_run_leaves_everything_in_its_folder(finished):
         "transfer_texture.exr",
         "transfer_vertices.safetensors",
         "transfer_vertices.glb",
-        "export.json",
+        "certificate.json",
         "score.json",
         "card.md",
         "report.html",
@@ -101,8 +101,8 @@ def test_gloss_is_scored_from_the_same_bake(finished, product, macs):
 
 
 def test_the_shader_error_is_on_record(finished):
-    record = json.loads((finished / "export.json").read_text())
-    assert 0 < record["error_max"] <= 1e-5
+    record = json.loads((finished / "certificate.json").read_text())
+    assert 0 < record["errors"]["coefficients"]["max"] <= 1e-5
 
 
 def test_the_net_file_agrees_with_the_shader_function(finished):

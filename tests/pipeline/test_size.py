@@ -141,7 +141,10 @@ def test_a_target_that_no_net_reaches_is_an_error_after_the_report(tmp_path):
         ({"size__target_psnr": 30.0, "size__depths": [-1]}, "size.depths"),
         ({"size__target_psnr": 30.0, "size__view": "best"}, "size.view: found 'best', expected one of mean, worst"),
         ({"size__target_psnr": 30.0, "size__cost": "time"}, "size.cost: found 'time', expected one of macs, bytes"),
-        ({"size__target_psnr": 30.0, "size__widths": [2000], "size__depths": [2]}, "too large to export"),
+        (
+            {"size__target_psnr": 30.0, "size__widths": [2000], "size__depths": [2], "export__storage": "literal"},
+            "too large to export",
+        ),
         ({"size__target_psnr": 30.0, "methods": ["texture"]}, "expected net among them"),
     ],
 )
@@ -152,7 +155,7 @@ def test_bad_words_are_refused_before_any_work(changes, message, tmp_path):
 
 
 def test_networks_too_large_to_export_are_left_out(tmp_path, caplog):
-    changes = {"size__widths": [8, 2000], "size__depths": [2], "size__max_macs": 10**9}
+    changes = {"size__widths": [8, 2000], "size__depths": [2], "size__max_macs": 10**9, "export__storage": "literal"}
     caplog.set_level("INFO")
     run(config(tmp_path, **changes))
     assert "size: 2000 x 2 is too large to export as literals, and left out" in caplog.text

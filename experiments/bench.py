@@ -4,6 +4,7 @@
     python experiments/bench.py gloss [--sizes 256 1024]
     python experiments/bench.py texture
     python experiments/bench.py train
+    python experiments/bench.py export
 
 prints a table and writes experiments/results/bench_NAME.csv.
 """
@@ -21,6 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench_export
 import bench_train
 import numpy as np
 
@@ -218,6 +220,7 @@ BENCHES = {
     "gloss": lambda chosen: gloss(chosen.sizes),
     "texture": lambda chosen: textures(),
     "train": lambda chosen: bench_train.train(),
+    "export": lambda chosen: bench_export.export(),
 }
 
 

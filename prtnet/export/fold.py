@@ -97,9 +97,13 @@ def _body(net: NetSpec, chosen: Form, target: Limits) -> Iterator[str]:
     names: list[str] = []
     yield from glsl.hidden(net, chosen, target, len(net.weights) - 1, names)
     yield "vec3 sum = prt_folded_bias;"
-    for i, name in enumerate(names):
-        dots = (f"dot(prt_folded[{colour * len(names) + i}], {name})" for colour in range(3))
-        yield f"sum += vec3({', '.join(dots)});"
+    if chosen.storage == "literal":
+        for i, name in enumerate(names):
+            yield _dots(str(i), len(names), name)
+    else:
+        # spelt out, this takes llvmpipe half a minute to compile at k = 256
+        bound = f"{len(names)} * one" if chosen.storage == "texture" else str(len(names))
+        yield f"for (int i = 0; i < {bound}; ++i) {_dots('i', len(names), names[0].replace('[0]', '[i]'))}"
     if net.residual:
         lobe: list[str] = []
         yield from zonal_harmonics("normal", sh.cosine_zonal(net.bands), lobe)
@@ -107,6 +111,12 @@ def _body(net: NetSpec, chosen: Form, target: Limits) -> Iterator[str]:
             if term != "0.0":
                 yield f"sum += {shading.LIGHT}[{i}] * ({term});"
     yield "return sum;"
+
+
+def _dots(index: str, size: int, name: str) -> str:
+    """Four of the numbers that enter the folded layer times its weights."""
+    dots = (f"dot(prt_folded[{colour * size} + {index}], {name})" for colour in range(3))
+    return f"sum += vec3({', '.join(dots)});"
 
 
 def _same_bands(net: NetSpec, light: Float[Array, "c 3"]) -> Float[Array, "k 3"]:

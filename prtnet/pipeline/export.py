@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import PrtnetError, gl, netspec, store
-from prtnet.export import bundle, certificate, gltf, limits, texture_file, vertices
+from prtnet.export import bundle, certificate, form, gltf, limits, texture_file, vertices
 from prtnet.export.bundle import Bundle
 from prtnet.export.form import Form
 from prtnet.models import of_spec
@@ -24,7 +24,7 @@ from prtnet.render import certify, verify
 log = logging.getLogger(__name__)
 Array = np.ndarray
 
-CHECKED_POINTS = 1 << 14
+CHECKED_POINTS = 1 << 14  # of the cube, and as many of the scene, of a net of literals
 NET = "net.safetensors"
 # what is left of earlier versions
 _FORMER = ("export.json",)
@@ -100,21 +100,30 @@ def _agreement(measured: Mapping[str, Any]) -> str:
 def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> dict[str, Any]:
     """The shaders and torch run against the NumPy twin at test points of this scene and at random points of the whole
     cube."""
+    count = _checked(made)
     texts = hashlib.sha256(b"".join(made.files[name] for name in sorted(made.files))).hexdigest()
-    inputs = {"net": trained.key, "shaders": texts, "points": CHECKED_POINTS}
+    inputs = {"net": trained.key, "shaders": texts, "points": count}
 
     def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         rng = job.rng("export")
-        positions, normals = verify.random_points(CHECKED_POINTS, rng)
-        few = rng.permutation(len(points.areas.positions))[:CHECKED_POINTS]
+        positions, normals = verify.random_points(count, rng)
+        few = rng.permutation(len(points.areas.positions))[:count]
         positions = np.concatenate([positions, points.areas.positions[few]]).astype(np.float32)
         normals = np.concatenate([normals, points.areas.normals[few]]).astype(np.float32)
         facts = certify.errors_and_timing(made, trained.net, certify.Points(positions, normals))
-        facts["points"] = {"cube": CHECKED_POINTS, "scene": len(few)}
+        facts["points"] = {"cube": count, "scene": len(few)}
         facts["errors"]["torch"] = _torch_error(job, trained.net, positions, normals)
         return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
+
+
+def _checked(made: Bundle) -> int:
+    """Points of the cube, and of the scene. On a software driver a weight texture is ten times as slow as literals."""
+    if made.weights is None:
+        return CHECKED_POINTS
+    macs = form.padded_macs_of(form.sizes_of(made.net), made.net.groups)
+    return int(np.clip(CHECKED_POINTS * form.AUTO_LITERAL_MACS // (4 * macs), 1 << 10, 1 << 12))
 
 
 def _torch_error(

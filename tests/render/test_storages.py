@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from prtnet import netspec, sh
-from prtnet.export import fold, form, glsl, shading, weight_texture
+from prtnet import gl, netspec, sh
+from prtnet.export import fold, form, glsl, limits, shading, weight_texture
 from prtnet.export.form import Form
 from prtnet.render import verify
 from prtnet.render.material import Material, irradiance, radiance
@@ -115,3 +115,10 @@ def test_folding_is_exact_to_rounding():
     coefficients = net.output_scale * (net.weights[-1] @ h + net.biases[-1])
     np.testing.assert_allclose(weights @ h + biases, light.T @ coefficients, rtol=1e-5)
     assert sh.count(net.bands) * 8 > weights.size
+
+
+def test_the_driver_at_hand_has_what_opengl_promises():
+    found, least = limits.of_driver(gl.context().info), limits.MINIMUM["330"]
+    for field in ("block_bytes", "blocks", "components", "texture_side", "volume_side", "samplers"):
+        assert getattr(found, field) >= getattr(least, field), field
+    assert found.name

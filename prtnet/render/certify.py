@@ -9,7 +9,7 @@ from jaxtyping import Float, Float64
 
 from prtnet import gl, netspec, sh
 from prtnet.data import light as lights
-from prtnet.export import bundle, fold, shading, uniform_block
+from prtnet.export import bundle, fold, glsl, shading, uniform_block
 from prtnet.export.bundle import Bundle
 from prtnet.netspec import NetSpec
 from prtnet.render import material, verify
@@ -45,7 +45,7 @@ def errors_and_timing(made: Bundle, exact: NetSpec, points: Points) -> dict[str,
     passes = verify.passes(made.net, made.transfer, textures)
     found = verify.coefficients(made.net, passes, len(twin))
     errors["coefficients"] = _error(found - twin) | {"bound": verify.TOLERANCE}
-    for what, difference, reach in _shading(made, points, twin, textures):
+    for what, difference, reach in _shading(made, points, twin, passes, textures):
         errors[what] = _error(difference) | {"bound": verify.TOLERANCE * max(1.0, float(reach.max()))}
     # one frame tells how dear the others are
     first = sum(each.milliseconds(1) for each in passes)
@@ -62,14 +62,18 @@ def errors_and_timing(made: Bundle, exact: NetSpec, points: Points) -> dict[str,
     return device | {"errors": errors, "timing": timing}
 
 
-def _shading(made: Bundle, points: Points, twin: Array, textures: dict[str, Any]) -> list[tuple[str, Array, Array]]:
+def _shading(
+    made: Bundle, points: Points, twin: Array, passes: list[Pass], textures: dict[str, Any]
+) -> list[tuple[str, Array, Array]]:
     """What is compared, radiance on the driver less that of NumPy, and what an error of 1 in all coefficients does to
-    it."""
+    it. `passes` have drawn the coefficients."""
     net, known = made.net, lights.project(lights.sky(), made.net.bands)
     diffuse = material.irradiance(twin, known, net.groups) / pi
     reach = np.abs(known).sum(axis=0) / pi
     white: dict[str, Any] = {"prt_light": known, "albedo": (1.0, 1.0, 1.0), "eye": EYE, "exponent": EXPONENT}
-    drawn = Pass(bundle.shaded(net, made.transfer + made.shading), textures, white | {"specular": (0.0, 0.0, 0.0)})
+    source, images = _found_transfer(net, passes)
+    black = white | {"specular": (0.0, 0.0, 0.0)}
+    drawn = Pass(bundle.shaded(net, source + made.shading), textures | images, black)
     rows = [("diffuse shading", drawn.read()[: len(twin), :3] - diffuse, reach)]
     if shading.has_gloss(net):
         gloss, own_reach = _gloss(net, points, twin, known)
@@ -79,6 +83,21 @@ def _shading(made: Bundle, points: Points, twin: Array, textures: dict[str, Any]
         folded = Pass(shading.around(net, made.irradiance), textures, white | fold.uniforms(net, known))
         rows.append(("diffuse shading, light folded", folded.read()[: len(twin), :3] - diffuse, reach))
     return rows
+
+
+def _found_transfer(net: NetSpec, passes: list[Pass]) -> tuple[str, dict[str, Any]]:
+    """A prt_transfer that reads what the exported one gave, and its texture: the driver need not compile the net again
+    for the functions on top of it."""
+    layers = np.split(np.concatenate([each.read() for each in passes], axis=1), glsl.vectors(net), axis=1)
+    side = int(np.sqrt(len(layers[0])))
+    # rows of images are counted from the top, those of pixels from the bottom
+    image = np.concatenate([layer.reshape(side, side, 4) for layer in reversed(layers)])
+    outputs = ", ".join(f"out vec4 t{i}" for i in range(len(layers)))
+    lines = ["uniform sampler2D found;", f"void prt_transfer({glsl.parameters(net)}, {outputs}) {{"]
+    lines += [
+        f"  t{i} = texelFetch(found, ivec2(gl_FragCoord.xy) + ivec2(0, {i * side}), 0);" for i in range(len(layers))
+    ]
+    return "\n".join(lines) + "\n}\n", {"found": gl.upload(image)}
 
 
 def _gloss(net: NetSpec, points: Points, twin: Array, known: Array) -> tuple[Float64[Array, "n 3"], Array]:

@@ -2,6 +2,7 @@
 
 encode     waves over octaves of a position or a normal
 trilinear  a dense grid of features over [-1, 1]^3
+bilinear   an image of features over the texture coordinates of an atlas
 hashed     a grid too fine to be kept whole: its corners share the entries of a table by a hash of their place (Müller
            et al. 2022, *Instant Neural Graphics Primitives*, section 3). Surfaces touch few cells of a fine grid.
 """
@@ -66,6 +67,13 @@ def trilinear(grid: Float[Array, "z y x c"], positions: Float[Array, "n 3"]) -> 
         weight = np.where(corner, share, 1 - share).prod(axis=1)
         total += weight[:, None] * grid[z, y, x].astype(np.float64)
     return total
+
+
+def bilinear(texels: Float[Array, "y x c"], uv: Float[Array, "n 2"]) -> Float[Array, "n c"]:
+    """Channels of an image at coordinates in [0, 1]^2, in float64: row 0 is the top, v = 1. As `trilinear` at its
+    border."""
+    u, v = np.asarray(uv, np.float64).T
+    return trilinear(texels[None], np.stack([2 * u - 1, 1 - 2 * v, np.zeros_like(u)], axis=1))
 
 
 def hashed(grid: HashGrid, positions: Float[Array, "n 3"]) -> Float[Array, "n c"]:

@@ -6,6 +6,9 @@ A net maps a surface point and its normal to the SH coefficients of its transfer
     h = activation(W_i h + b_i)         for each hidden layer, from h = x
     t = output_scale * output(W h + b)  + cosine_lobe(n) where `residual`
 
+A net with `texels`, features in an image over the atlas of its surface, is a function of the texture coordinate as
+well, and x ends in what stands there.
+
 With 4 `groups` it maps to as many transfers, one after the other: direct, and with light from other surfaces in red,
 green and blue; each has its own residual.
 
@@ -24,7 +27,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
 from prtnet import PrtnetError, sh, store
-from prtnet.encoding import ENCODINGS, HashGrid, encode, encoded_size, hashed, trilinear
+from prtnet.encoding import ENCODINGS, HashGrid, bilinear, encode, encoded_size, hashed, trilinear
 
 Array = np.ndarray
 
@@ -34,7 +37,7 @@ ACTIVATIONS = ("leaky_relu", "gelu", "silu", "hard_gelu", "relu", "sine")
 OUTPUTS = ("tanh", "linear")
 _CHUNK = 1 << 15
 # fields that files leave out at their default, as they did before there were these fields
-_LATER = ("encoding", "grids", "hashes")
+_LATER = ("encoding", "grids", "hashes", "texels")
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class NetSpec:
     encoding: str = "frequency"
     grids: tuple[Float[Array, "_ _ _ _"], ...] = ()  # features (z, y, x, channels) over [-1, 1]^3, float32 or float16
     hashes: tuple[HashGrid, ...] = ()  # finer ones, whose inputs come after those of `grids`
+    texels: tuple[Float[Array, "_ _ _"], ...] = ()  # features (y, x, channels) over the atlas, row 0 at v = 1; the last
 
     def __post_init__(self) -> None:
         _one_of("activation", self.activation, ACTIVATIONS)
@@ -67,6 +71,7 @@ class NetSpec:
             raise PrtnetError(f"net: found centre {self.centre} and scale {self.scale}, expected finite, scale above 0")
         inputs = encoded_size(self.position_frequencies, self.normal_frequencies, self.encoding)
         inputs += sum(map(_grid_channels, self.grids)) + sum(map(_hash_channels, self.hashes))
+        inputs += sum(map(_texel_channels, self.texels))
         found = [weight.shape for weight in self.weights]
         for weight, bias in zip(self.weights, self.biases, strict=True):
             if weight.shape != (len(bias), inputs):
@@ -104,6 +109,14 @@ def _hash_channels(grid: HashGrid) -> int:
     return table.shape[1]
 
 
+def _texel_channels(texels: Array) -> int:
+    if texels.ndim != 3 or not _features(texels):
+        found = f"{texels.shape} in {texels.dtype}"
+        raise PrtnetError(f"net texels: found {found}, expected (y, x, channels) in float16 or float32, 4 n channels")
+    _refuse_infinite("texels", texels)
+    return texels.shape[2]
+
+
 def _features(values: Array) -> bool:
     return values.size > 0 and values.shape[-1] % 4 == 0 and values.dtype in (np.float16, np.float32)
 
@@ -136,35 +149,61 @@ def _sigmoid(x: Array) -> Array:
     return 0.5 + 0.5 * np.tanh(0.5 * x)
 
 
-def evaluate(net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float[Array, "n c"]:
-    """Transfer at points in file coordinates, with unit normals, in the type of `positions`."""
+def evaluate(
+    net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], uv: Float[Array, "n 2"] | None = None
+) -> Float[Array, "n c"]:
+    """Transfer at points in file coordinates, with unit normals, in the type of `positions`.
+
+    `uv` as in `evaluate_unit`.
+    """
     unit = (np.asarray(positions, np.float64) - np.asarray(net.centre)) * net.scale
-    return evaluate_unit(net, unit, normals).astype(np.result_type(positions, np.float32), copy=False)
+    return evaluate_unit(net, unit, normals, uv=uv).astype(np.result_type(positions, np.float32), copy=False)
 
 
 def evaluate_unit(
-    net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], sums: type = np.float64
+    net: NetSpec,
+    positions: Float[Array, "n 3"],
+    normals: Float[Array, "n 3"],
+    sums: type = np.float64,
+    uv: Float[Array, "n 2"] | None = None,
 ) -> Float[Array, "n c"]:
     """Transfer at centred positions in [-1, 1]^3.
 
+    `uv`, the places of the points in the atlas, in [0, 1]^2, v up, are for nets with texels, which need them.
     Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64, or those of
     the layers in float32, about twice as fast and to about 1e-6, where `sums` says so.
     """
+    places = _places(net, uv, len(positions))
     out = np.empty((len(positions), net.groups * sh.count(net.bands)), np.float64)
     for start in range(0, len(positions), _CHUNK):
         part = slice(start, start + _CHUNK)
-        out[part] = _evaluate_chunk(net, _rounded(positions[part]), _rounded(normals[part]), sums)
+        inputs = _rounded(positions[part]), _rounded(normals[part]), _rounded(places[part])
+        out[part] = _evaluate_chunk(net, *inputs, sums)
     return out.astype(np.result_type(positions, np.float32), copy=False)
+
+
+def _places(net: NetSpec, uv: Array | None, count: int) -> Array:
+    """Coordinates in the atlas; any, where there are no texels to look up."""
+    if not net.texels:
+        return np.zeros((count, 2))
+    if uv is None or uv.shape != (count, 2):
+        found = "none" if uv is None else f"those of shape {uv.shape}"
+        raise PrtnetError(
+            f"net texels: found {found} for uv at {count} points, expected the texture coordinate of each in the atlas"
+            " that the net was trained with, of shape (n, 2)"
+        )
+    return uv
 
 
 def _rounded(x: Array) -> Array:
     return np.asarray(x, np.float32).astype(np.float64)
 
 
-def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array, sums: type) -> Array:
+def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array, uv: Array, sums: type) -> Array:
     position = encode(positions, net.position_frequencies, net.encoding)
     normal = encode(normals, net.normal_frequencies, net.encoding)
     features = [trilinear(each, positions) for each in net.grids] + [hashed(each, positions) for each in net.hashes]
+    features += [bilinear(each, uv) for each in net.texels]
     h = np.concatenate([position, normal, *features], 1).astype(sums, copy=False)
     bend = activation(net.activation, net.negative_slope)
     last = len(net.weights) - 1
@@ -179,18 +218,19 @@ def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array, sums: type) 
 
 
 def macs(net: NetSpec) -> int:
-    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid, dense or hashed.
+    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid, dense or hashed, 4 of texels.
 
     The encoding, activations and the analytic lobe are not counted.
     """
     features = (*net.grids, *(each.table for each in net.hashes))
-    return sum(weight.size for weight in net.weights) + 8 * sum(values.shape[-1] for values in features)
+    fetches = 8 * sum(values.shape[-1] for values in features) + 4 * sum(values.shape[-1] for values in net.texels)
+    return sum(weight.size for weight in net.weights) + fetches
 
 
 def byte_count(net: NetSpec) -> int:
-    """Bytes of the weights, biases and grids, as stored."""
+    """Bytes of the weights, biases, grids and texels, as stored."""
     tables = (each.table for each in net.hashes)
-    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids, *tables))
+    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids, *tables, *net.texels))
 
 
 def save(net: NetSpec, path: Path | str) -> None:
@@ -205,8 +245,11 @@ def save(net: NetSpec, path: Path | str) -> None:
         tensors[f"layer.{i}.bias"] = np.ascontiguousarray(bias, np.float32)
     tensors |= {f"grid.{i}": np.ascontiguousarray(grid) for i, grid in enumerate(net.grids)}
     tensors |= {f"hash.{i}": np.ascontiguousarray(each.table) for i, each in enumerate(net.hashes)}
+    tensors |= {f"texels.{i}": np.ascontiguousarray(each) for i, each in enumerate(net.texels)}
     if net.grids:
         descriptor["grids"] = len(net.grids)
+    if net.texels:
+        descriptor["texels"] = len(net.texels)
     if net.hashes:
         descriptor["hashes"] = [each.cells for each in net.hashes]
     text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
@@ -223,9 +266,10 @@ def load(path: Path | str) -> NetSpec:
             weights = tuple(file.get_tensor(f"layer.{i}.weight") for i in layers)
             biases = tuple(file.get_tensor(f"layer.{i}.bias") for i in layers)
             grids = tuple(file.get_tensor(f"grid.{i}") for i in range(descriptor.pop("grids", 0)))
+            texels = tuple(file.get_tensor(f"texels.{i}") for i in range(descriptor.pop("texels", 0)))
             cells = descriptor.pop("hashes", [])
             hashes = tuple(HashGrid(each, file.get_tensor(f"hash.{i}")) for i, each in enumerate(cells))
-        return NetSpec(weights=weights, biases=biases, grids=grids, hashes=hashes, **descriptor)
+        return NetSpec(weights=weights, biases=biases, grids=grids, hashes=hashes, texels=texels, **descriptor)
     except FileNotFoundError:
         raise PrtnetError(f"{path}: no such file, expected a trained net; train and export one first") from None
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, PrtnetError) as error:

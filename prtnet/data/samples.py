@@ -37,6 +37,8 @@ class Samples:
     geometric_normals: Float32[Array, "n 3"]
     # index into scene.split_sides().faces
     face: Int32[Array, " n"]
+    # barycentric, of the corners of that face; None where points are not known by them
+    weights: Float[Array, "n 3"] | None = None
 
 
 def area_uniform(scene: Scene, count: int, rng: np.random.Generator, *, sequence: str = "r2") -> Samples:
@@ -87,7 +89,7 @@ def at_barycentric(split: Scene, face: Int[Array, " n"], weights: Float[Array, "
     normals = sum(weights[:, i, None].astype(np.float32) * split.normals[corner[:, i]] for i in range(3))
     normals = normal_map.perturbed(split, face, weights, np.asarray(normals))
     geometric = split.face_normals.astype(np.float32)[face]
-    return Samples(np.asarray(positions), _unit_or(normals, geometric), geometric, face.astype(np.int32))
+    return Samples(np.asarray(positions), _unit_or(normals, geometric), geometric, face.astype(np.int32), weights)
 
 
 def _unit_or(normals: Float32[Array, "n 3"], fallback: Float32[Array, "n 3"]) -> Float32[Array, "n 3"]:
@@ -110,13 +112,15 @@ def at_vertices(scene: Scene) -> Samples:
     sums = np.stack([np.bincount(corner, weighted[:, axis]) for axis in range(3)], axis=1)[used]
     own = split.face_normals[face].astype(np.float32)
     geometric = _unit_or(unit(sums).astype(np.float32), own)
-    return Samples(split.vertices[used], split.normals[used], geometric, face.astype(np.int32))
+    at_corner = np.eye(3)[first % 3]
+    return Samples(split.vertices[used], split.normals[used], geometric, face.astype(np.int32), at_corner)
 
 
 def select(samples: Samples, index: Bool[Array, " n"] | Int[Array, " m"]) -> Samples:
     """The samples of a mask or an index array."""
+    weights = None if samples.weights is None else samples.weights[index]
     return Samples(
-        samples.positions[index], samples.normals[index], samples.geometric_normals[index], samples.face[index]
+        samples.positions[index], samples.normals[index], samples.geometric_normals[index], samples.face[index], weights
     )
 
 

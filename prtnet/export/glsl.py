@@ -7,7 +7,8 @@ coefficients of the transfer, the last vector padded with 0. Weights are literal
 without grids there is nothing to bind, or stand in a texture (`prtnet.export.weight_texture`) or in uniform blocks
 (`prtnet.export.uniform_block`). Sine and cosine are polynomials of the reduced argument in turns, since those of some
 drivers are off by 1e-3 at high frequencies. Grids of features are samplers prt_grid0, prt_grid1, ...
-(`prtnet.export.grid`), hashed ones prt_hash0, ... (`prtnet.export.hash_grid`).
+(`prtnet.export.grid`), hashed ones prt_hash0, ... (`prtnet.export.hash_grid`). A net with texel features, prt_texels0,
+... (`prtnet.export.texel_grid`), has a third parameter, `vec2 uv`, the place in the atlas it was trained with, v up.
 """
 
 import math
@@ -18,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from prtnet import PrtnetError, netspec, sh
-from prtnet.export import form, grid, hash_grid, limits, literal, uniform_block, weight_texture
+from prtnet.export import form, grid, hash_grid, limits, literal, texel_grid, uniform_block, weight_texture
 from prtnet.export.form import Form
 from prtnet.export.limits import Limits
 from prtnet.export.spelling import grouped, number, quads, zonal_harmonics
@@ -60,7 +61,7 @@ def transfer(net: NetSpec, wanted: Form, target: Limits | None = None) -> str:
 
 def inputs(net: NetSpec) -> dict[str, str]:
     """What a point is given by, with types: the first parameters of all functions of a point."""
-    return {"position": "vec3", "normal": "vec3"}
+    return {"position": "vec3", "normal": "vec3"} | ({"uv": "vec2"} if net.texels else {})
 
 
 def parameters(net: NetSpec) -> str:
@@ -83,8 +84,8 @@ def whole(version: str, text: str) -> str:
 def around(net: NetSpec, source: str, *, first: int = 0) -> str:
     """Shader text about the function text `source`, without a version line.
 
-    Reads textures `positions` and `normals` at the pixel and writes up to 8 of the vec4s, from `first` on: no driver
-    needs to have more outputs.
+    Reads textures `positions` and `normals`, and `uvs` where the net takes them, at the pixel and writes up to 8 of the
+    vec4s, from `first` on: no driver needs to have more outputs.
     """
     names = [f"t{i}" for i in range(vectors(net))]
     written = names[first : first + 8]
@@ -97,7 +98,7 @@ def around(net: NetSpec, source: str, *, first: int = 0) -> str:
 
 
 def point(net: NetSpec) -> list[str]:
-    """The textures that give a pixel its point: `positions`, `normals`."""
+    """The textures that give a pixel its point: `positions`, `normals`, and `uvs` where the net takes them."""
     return [f"uniform sampler2D {name}s;" for name in inputs(net)]
 
 
@@ -137,6 +138,7 @@ def padded_macs(net: NetSpec) -> int:
 def needs(net: NetSpec, chosen: Form, target: Limits, source_bytes: int = 0, components: int = 0) -> limits.Needs:
     """What a function asks of its target, with the textures that `around` reads."""
     blocks = uniform_block.blocks(net, target.block_bytes) if chosen.storage == "ubo" else []
+    flat = [hash_grid.texels(each.table) for each in net.hashes] + [texel_grid.texels(each) for each in net.texels]
     image = weight_texture.texels(net).shape if chosen.storage == "texture" else (0,)
     return limits.Needs(
         source_bytes,
@@ -144,9 +146,9 @@ def needs(net: NetSpec, chosen: Form, target: Limits, source_bytes: int = 0, com
         blocks=len(blocks),
         components=components,
         weight_side=max(image[:2]),
-        texture_side=max((max(hash_grid.texels(each.table).shape[:2]) for each in net.hashes), default=0),
+        texture_side=max((max(image.shape[:2]) for image in flat), default=0),
         volume_side=max((max(grid.texels(each).shape[:3]) for each in net.grids), default=0),
-        samplers=len(inputs(net)) + len(net.grids) + len(net.hashes) + (chosen.storage == "texture"),
+        samplers=len(inputs(net)) + len(net.grids) + len(flat) + (chosen.storage == "texture"),
     )
 
 
@@ -158,7 +160,7 @@ def written(net: NetSpec, chosen: Form, target: Limits, function: list[str], com
     lines = [_header(net)]
     if chosen.version.endswith("es"):
         lines += ["precision highp float;", "precision highp int;"]
-    lines += grid.declarations(net) + hash_grid.declarations(net)
+    lines += grid.declarations(net) + hash_grid.declarations(net) + texel_grid.declarations(net)
     if chosen.storage == "texture":
         lines += weight_texture.declarations(net, chosen.precision)
     elif chosen.storage == "ubo":
@@ -247,6 +249,7 @@ def hidden(net: NetSpec, chosen: Form, target: Limits, count: int, names: list[s
         yield from _encoding(letter, frequencies if net.encoding != "identity" else 0, names)
     yield from grid.statements(net, names)
     yield from hash_grid.statements(net, names)
+    yield from texel_grid.statements(net, names)
     names[:] = grouped(names)
     if chosen.storage == "texture":
         yield from weight_texture.layers(net, names, count)

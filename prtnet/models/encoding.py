@@ -52,6 +52,12 @@ def trilinear(grid: Float[Tensor, "z y x c"], positions: Float[Tensor, "n 3"]) -
     return found[0, :, :, 0, 0].T
 
 
+def bilinear(texels: Float[Tensor, "y x c"], uv: Float[Tensor, "n 2"]) -> Float[Tensor, "n c"]:
+    """Channels of an image at coordinates in [0, 1]^2, row 0 at v = 1: a grid of one slice. As `trilinear` on CUDA."""
+    u, v = uv.unbind(1)
+    return trilinear(texels[None], torch.stack([2 * u - 1, 1 - 2 * v, torch.zeros_like(u)], 1))
+
+
 def hashed(table: Float[Tensor, "entries c"], cells: int, positions: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
     """Channels of a hashed grid of `cells` along each axis of [-1, 1]^3; as `trilinear` on CUDA."""
     if table.device.type == "cpu":

@@ -28,13 +28,14 @@ def _weight(right, upper, further, x, y, z):
 @njit(nogil=True, cache=True)
 def gather(grid, positions, found):
     depth, height, width, channels = grid.shape
+    corners = 8 if depth > 1 else 4  # one slice is an image
     for point in range(len(positions)):
         x0, x1, x = _cell(positions[point, 0], width)
         y0, y1, y = _cell(positions[point, 1], height)
         z0, z1, z = _cell(positions[point, 2], depth)
         for channel in range(channels):
             found[point, channel] = 0
-        for corner in range(8):
+        for corner in range(corners):
             i, j, k = (x1 if corner & 1 else x0), (y1 if corner & 2 else y0), (z1 if corner & 4 else z0)
             weight = _weight(corner & 1, corner & 2, corner & 4, x, y, z)
             for channel in range(channels):
@@ -44,11 +45,12 @@ def gather(grid, positions, found):
 @njit(nogil=True, cache=True)
 def scatter(gradient, positions, total):
     depth, height, width, channels = total.shape
+    corners = 8 if depth > 1 else 4
     for point in range(len(positions)):
         x0, x1, x = _cell(positions[point, 0], width)
         y0, y1, y = _cell(positions[point, 1], height)
         z0, z1, z = _cell(positions[point, 2], depth)
-        for corner in range(8):
+        for corner in range(corners):
             i, j, k = (x1 if corner & 1 else x0), (y1 if corner & 2 else y0), (z1 if corner & 4 else z0)
             weight = _weight(corner & 1, corner & 2, corner & 4, x, y, z)
             for channel in range(channels):

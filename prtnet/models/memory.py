@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from prtnet import PrtnetError, console
-from prtnet.models.recipe import ModelOptions, TrainOptions, layer_sizes
+from prtnet.models.recipe import ModelOptions, TrainOptions, feature_count, layer_sizes
 
 _MACHINE, _CONTAINER = Path("/proc/meminfo"), Path("/sys/fs/cgroup")
 _COMMON = 400e6  # torch itself, and what its kernels hold in passing
@@ -15,11 +15,9 @@ _COMMON = 400e6  # torch itself, and what its kernels hold in passing
 def needed(model: ModelOptions, options: TrainOptions, outputs: int, points: int) -> float:
     """Bytes of weights, gradients, the optimiser's state, the activations of a batch and the table of points."""
     sizes = layer_sizes(model, options, outputs)
-    grids = sum(x * y * z * options.grid_channels for x, y, z in options.grid_cells)
-    grids += len(options.hash_cells) * options.hash_entries * options.hash_channels
     matrices = sum(rows * columns for columns, rows in pairwise(sizes))
     # weight, gradient, and a copy in checkpoints; adam and soap keep two moments, muon one
-    values = (6 if options.average else 5) * (matrices + grids + sum(sizes[1:]))
+    values = (6 if options.average else 5) * (matrices + feature_count(options) + sum(sizes[1:]))
     if options.optimiser == "soap":
         # of each matrix, two means of products with their bases, and three products in passing
         values += sum(2 * (rows**2 + columns**2) for columns, rows in pairwise(sizes))
@@ -27,8 +25,13 @@ def needed(model: ModelOptions, options: TrainOptions, outputs: int, points: int
     # before and after each activation, and gradients of both
     values += 4 * min(options.batch, points) * sum(sizes)
     # the table, and what it is made of
-    values += 3 * points * (7 + outputs)
+    values += 3 * points * _row(options, outputs)
     return 4.0 * values + _COMMON
+
+
+def _row(options: TrainOptions, outputs: int) -> int:
+    """Numbers that are kept of a point: position, normal and weight, and the texture coordinate where it is needed."""
+    return 7 + 2 * bool(options.texel_size) + outputs
 
 
 def available(device: torch.device) -> float:
@@ -64,5 +67,7 @@ def check(model: ModelOptions, options: TrainOptions, outputs: int, points: int,
 def _lower(model: ModelOptions, options: TrainOptions, outputs: int, points: int) -> str:
     """The largest part of it."""
     net, batch = needed(model, options, outputs, 1), needed(model, options, outputs, min(options.batch, points))
-    parts = {"model.width": net, "train.batch": batch - net, "samples.count": 12.0 * points * (7 + outputs)}
+    texels = 20.0 * options.texel_size**2 * options.texel_channels
+    parts = {"model.width": net - texels, "train.texel_size": texels, "train.batch": batch - net}
+    parts["samples.count"] = 12.0 * points * _row(options, outputs)
     return max(parts, key=lambda name: parts[name])

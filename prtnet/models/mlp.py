@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from prtnet import sh
 from prtnet.encoding import HashGrid
-from prtnet.models.encoding import encode, hashed, trilinear
+from prtnet.models.encoding import bilinear, encode, hashed, trilinear
 from prtnet.models.recipe import ModelOptions, TrainOptions, layer_sizes
 from prtnet.netspec import NetSpec
 
@@ -44,13 +44,20 @@ class Mlp(nn.Module):
         self.tables = nn.ParameterList(
             _uniform((head.hash_entries, head.hash_channels), 1, generator, 1e-4) for _ in head.hash_cells
         )
+        size = head.texel_size
+        self.texels = nn.ParameterList(
+            [_uniform((size, size, head.texel_channels), 1, generator, 1e-4)] if size else []
+        )
 
-    def forward(self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n c"]:
+    def forward(
+        self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], uv: Float[Tensor, "n 2"] | None = None
+    ) -> Float[Tensor, "n c"]:
         head = self.head
         position = encode(positions, head.position_frequencies, head.encoding)
         normal = encode(normals, head.normal_frequencies, head.encoding)
         features = [trilinear(grid, positions) for grid in self.grids]
         features += [hashed(*pair, positions) for pair in zip(self.tables, head.hash_cells, strict=True)]
+        features += [] if uv is None else [bilinear(texels, uv) for texels in self.texels]
         h = torch.cat([position, normal, *features], 1)
         weights, biases = self._carried()
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
@@ -107,7 +114,8 @@ class Mlp(nn.Module):
         arrays = [p.detach().cpu().float().numpy().copy() for p in parameters or self.parameters()]
         layers, features = arrays[: 2 * hidden + 2], arrays[2 * hidden + 2 :]
         features = [each.astype(head.grid_format) for each in features]
-        grids, tables = features[: len(self.grids)], features[len(self.grids) :]
+        ends = len(self.grids), len(self.grids) + len(self.tables)
+        grids, tables, texels = features[: ends[0]], features[ends[0] : ends[1]], features[ends[1] :]
         if head.activation == "sine":
             # sin(omega (W h + b)) is sin(W h + b) of larger weights: the file needs no omega
             for index in (*range(hidden), *range(hidden + 1, 2 * hidden + 1)):
@@ -130,6 +138,7 @@ class Mlp(nn.Module):
             encoding=head.encoding,
             grids=tuple(grids),
             hashes=tuple(map(HashGrid, head.hash_cells, tables)),
+            texels=tuple(texels),
         )
 
 

@@ -18,7 +18,7 @@ def of_spec(net: NetSpec, model: ModelOptions, head: TrainOptions) -> Mlp:
     Raises PrtnetError where the options are those of another net.
     """
     made = Mlp(model, head, net.bands, torch.Generator(), net.groups)
-    arrays = [*net.weights, *net.biases, *net.grids, *(each.table for each in net.hashes)]
+    arrays = [*net.weights, *net.biases, *net.grids, *(each.table for each in net.hashes), *net.texels]
     own = list(made.parameters())
     shapes = [tuple(each.shape) for each in own]
     if [array.shape for array in arrays] != shapes:
@@ -33,8 +33,11 @@ def of_spec(net: NetSpec, model: ModelOptions, head: TrainOptions) -> Mlp:
     return made
 
 
-def transfer(made: Mlp, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]) -> Float32[Array, "n c"]:
+def transfer(
+    made: Mlp, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], uv: Float[Array, "n 2"] | None = None
+) -> Float32[Array, "n c"]:
     """The coefficients at centred positions, in float32."""
     points, directions = torch.from_numpy(positions), torch.from_numpy(normals)
+    places = None if uv is None else torch.from_numpy(uv)
     with torch.no_grad():
-        return (SCALE * (made(points, directions) + made.unlearned(directions))).numpy()
+        return (SCALE * (made(points, directions, places) + made.unlearned(directions))).numpy()

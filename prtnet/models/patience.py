@@ -16,8 +16,6 @@ from prtnet.models.run import Points, Run
 
 log = logging.getLogger(__name__)
 
-Array = np.ndarray
-
 LOOKS = 20  # of a run that is not stopped
 BETTER = 0.002  # an improvement by less, relative, does not keep a run going
 _KEPT, _SHARE = 4096, 20  # at most so many points are kept back, and at most one in so many
@@ -32,11 +30,7 @@ def split(points: Points) -> tuple[Points, Points]:
         )
     every = max(_SHARE, -(-len(points.transfer) // _KEPT))
     back = np.arange(len(points.transfer)) % every == every - 1
-    return _select(points, ~back), _select(points, back)
-
-
-def _select(points: Points, chosen: Array) -> Points:
-    return Points(points.positions[chosen], points.normals[chosen], points.transfer[chosen], points.groups)
+    return points.at(~back), points.at(back)
 
 
 class Patience:
@@ -58,7 +52,7 @@ class Patience:
             return
         net = run.net.spec(run.parameters())
         with np.errstate(over="ignore", invalid="ignore"):
-            found = netspec.evaluate_unit(net, points.positions, points.normals)
+            found = netspec.evaluate_unit(net, points.positions, points.normals, uv=points.uv)
             rmse = float(np.sqrt(np.mean(np.square(found - points.transfer, dtype=np.float64))))
         if not np.isfinite(rmse):
             return  # the run is about to be refused as diverged

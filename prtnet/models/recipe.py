@@ -37,11 +37,14 @@ class TrainOptions:
     # dense grids of features over [-1, 1]^3 beside the encoding, one for each [x, y, z] number of cells
     grid_cells: list[list[int]] = field(default_factory=lambda: [[16, 8, 16]])
     grid_channels: int = 8  # of each grid, a multiple of 4
-    grid_format: str = "float16"  # of the values of grids in the net, dense or hashed: float16 | float32
+    grid_format: str = "float16"  # of the values of grids, dense or hashed, and texels in the net: float16 | float32
     # finer grids of so many cells along each axis, whose corners share the entries of a table by a hash
     hash_cells: list[int] = field(default_factory=lambda: [32, 64, 128])
     hash_entries: int = 16384  # of each table, a power of two
     hash_channels: int = 4  # of each table, a multiple of 4
+    # an image of features over the coordinates of the transfer texture, which the net then takes as well
+    texel_size: int = 0  # texels along one side; 0: none
+    texel_channels: int = 8  # a multiple of 4
     # what is minimised
     loss: str = "huber"  # of coefficients: l1 | l2 | huber; or projection (on the sphere) | radiance (under lights)
     huber_delta: float = 0.02  # of huber, in units of t / pi; of radiance, where an open surface shows about 1
@@ -103,6 +106,7 @@ def published() -> TrainOptions:
 MAX_GRIDS, MAX_SLICES = 4, 256  # of a net; of a 3D texture, in which four channels take as many as there are cells
 
 HASH_ENTRIES = (256, 1 << 18)  # of a table, least and most: a row of its texture, and a texture of any driver
+MAX_TEXELS = 4096  # along one side of a texture, in which four channels are one texel, side by side
 MAX_HASH_CELLS = 1024  # along an axis: float32 still says where in a cell of these a point is
 
 
@@ -110,7 +114,15 @@ def layer_sizes(model: ModelOptions, options: TrainOptions, outputs: int) -> lis
     """Numbers that enter the first layer, of each hidden layer, and of the outputs."""
     inputs = encoded_size(options.position_frequencies, options.normal_frequencies, options.encoding)
     inputs += options.grid_channels * len(options.grid_cells) + options.hash_channels * len(options.hash_cells)
+    inputs += options.texel_channels * bool(options.texel_size)
     return [inputs, *[model.width] * model.depth, outputs]
+
+
+def feature_count(options: TrainOptions) -> int:
+    """Values of all grids, tables and texels."""
+    grids = sum(x * y * z * options.grid_channels for x, y, z in options.grid_cells)
+    tables = len(options.hash_cells) * options.hash_entries * options.hash_channels
+    return grids + tables + options.texel_size**2 * options.texel_channels
 
 
 def check(options: TrainOptions) -> None:
@@ -133,6 +145,7 @@ def check(options: TrainOptions) -> None:
             raise PrtnetError(f"train.{name}: found {found!r}, expected one of {', '.join(allowed)}")
     _check_grids(options)
     _check_hashes(options)
+    _check_texels(options)
     for name in ("learning_rate", "matrix_rate", "huber_delta", "batch", "cpu_seconds", "sine_omega", "loss_samples"):
         if not getattr(options, name) > 0:
             raise PrtnetError(f"train.{name}: found {getattr(options, name)}, expected more than 0")
@@ -161,6 +174,18 @@ def _check_hashes(options: TrainOptions) -> None:
     if len(found) > MAX_GRIDS or any(not 1 <= cells <= MAX_HASH_CELLS for cells in found):
         expected = f"at most {MAX_GRIDS} numbers of cells from 1 to {MAX_HASH_CELLS}"
         raise PrtnetError(f"train.hash_cells: found {list(found)}, expected {expected}")
+
+
+def _check_texels(options: TrainOptions) -> None:
+    channels, size = options.texel_channels, options.texel_size
+    if channels < 4 or channels % 4:
+        raise PrtnetError(f"train.texel_channels: found {channels}, expected a multiple of 4: a texel has four")
+    most = MAX_TEXELS * 4 // channels
+    if not 0 <= size <= most:
+        raise PrtnetError(
+            f"train.texel_size: found {size}, expected 0 for none, or at most {most}: no more fits into a texture at"
+            f" {channels} channels"
+        )
 
 
 def _check_grids(options: TrainOptions) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import time
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,6 +27,12 @@ class Points:
     normals: Float[Array, "n 3"]
     transfer: Float[Array, "n c"]
     groups: int = 1  # of SH coefficients in the transfer
+    uv: Float[Array, "n 2"] | None = None  # in the atlas, [0, 1]^2, v up; for nets with texels
+
+    def at(self, chosen: Any) -> "Points":
+        """Those of an index, a mask or a slice."""
+        uv = None if self.uv is None else self.uv[chosen]
+        return Points(self.positions[chosen], self.normals[chosen], self.transfer[chosen], self.groups, uv)
 
 
 class Run:
@@ -33,7 +40,7 @@ class Run:
 
     def __init__(self, points: Points, model: ModelOptions, options: TrainOptions, steps: int) -> None:
         recipe.check(options)
-        _check_points(points, model, steps)
+        _check_points(points, model, options, steps)
         self.options, self.steps, self.step, self.cpu_seconds = options, steps, 0, 0.0
         self.device = choose_device(options.device)
         memory.check(model, options, points.transfer.shape[1], len(points.transfer), self.device)
@@ -50,6 +57,7 @@ class Run:
         self.band_weights = weights if weighted else None
         self.functionals, self.mirrored = self._functionals(bands)
         self.table = self._table(points)
+        self._first = 9 if self.net.texels else 7  # column of the targets
         self.batch = min(options.batch, len(self.table))
         self.history = torch.zeros(steps, device=self.device)
         self._in_turn = max(1, self.batch - round(self.batch * options.resample))  # points of a batch; drawn: the rest
@@ -67,14 +75,16 @@ class Run:
         return rows.to(self.device), mirrored.to(self.device)
 
     def _table(self, points: Points) -> Tensor:
-        """Position, normal, point weight and target of a point side by side: a batch is one gather of whole rows."""
-        positions, normals, transfer = (
+        """Position, normal, point weight, texture coordinate where the net takes it, and target of a point side by
+        side: a batch is one gather of whole rows."""
+        uv = points.uv if points.uv is not None and self.net.texels else np.empty((len(points.transfer), 0))
+        positions, normals, places, transfer = (
             torch.from_numpy(np.ascontiguousarray(array, np.float32))
-            for array in (points.positions, points.normals, points.transfer)
+            for array in (points.positions, points.normals, uv, points.transfer)
         )
         weights = loss.point_weights(transfer, self.options.dark_weight)
         target = transfer / SCALE - self.net.unlearned(normals)
-        return torch.cat([positions, normals, weights[:, None], target], 1).to(self.device)
+        return torch.cat([positions, normals, weights[:, None], places, target], 1).to(self.device)
 
     def advance(self) -> None:
         """One step."""
@@ -83,11 +93,11 @@ class Run:
         rows = torch.index_select(self.table, 0, chosen)
         optimiser.set_rate(self.optimisers, optimiser.rate(self.options, self.step, self.steps))
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
-            predicted = self.net(rows[:, :3], rows[:, 3:6])
+            predicted = self.net(rows[:, :3], rows[:, 3:6], rows[:, 7:9] if self.net.texels else None)
         value = self._loss(predicted, rows, self._point_weights(rows, chosen))
         value.backward()
         if self.hard is not None:
-            self.hard.note(chosen, predicted.detach().float() - rows[:, 7:])
+            self.hard.note(chosen, predicted.detach().float() - rows[:, self._first :])
         for each in self.optimisers:
             each.step()
             each.zero_grad()
@@ -100,7 +110,9 @@ class Run:
 
     def _hard_points(self) -> HardPoints | None:
         options, share = self.options, 1 - self._in_turn / self.batch
-        return HardPoints(self.table[:, 7:], share, options.resample_correction, options.seed) if share else None
+        if not share:
+            return None
+        return HardPoints(self.table[:, self._first :], share, options.resample_correction, options.seed)
 
     def _point_weights(self, rows: Tensor, chosen: Tensor) -> Tensor | None:
         """None stands for weights of 1."""
@@ -111,7 +123,7 @@ class Run:
         return drawn if weights is None else weights * drawn
 
     def _loss(self, predicted: Tensor, rows: Tensor, points: Tensor | None) -> Tensor:
-        options, target = self.options, rows[:, 7:]
+        options, target = self.options, rows[:, self._first :]
         weights = {"bands": self.band_weights, "points": points}
         if self.functionals is None:
             return loss.loss(predicted, target, kind=options.loss, delta=options.huber_delta, **weights)
@@ -175,7 +187,8 @@ class Run:
     def fingerprint(self, points: Points) -> str:
         """What the bytes of the result depend on: a checkpoint of any other run is not gone on from."""
         digest = hashlib.sha256()
-        for array in (points.positions, points.normals, points.transfer):
+        places = [points.uv] if points.uv is not None and self.net.texels else []
+        for array in (points.positions, points.normals, points.transfer, *places):
             digest.update(np.ascontiguousarray(array).data)
         settings = asdict(self.options)
         settings |= {"steps": self.steps, "bfloat16": self.bfloat16, "device": self.device.type}
@@ -201,7 +214,7 @@ def fast_bfloat16(device: torch.device) -> bool:
     return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
 
 
-def _check_points(points: Points, model: ModelOptions, steps: int) -> None:
+def _check_points(points: Points, model: ModelOptions, options: TrainOptions, steps: int) -> None:
     if min(model.width, model.depth + 1, steps) < 1:
         raise PrtnetError(
             f"model: found width {model.width}, depth {model.depth} and {steps} steps, expected 1 or more of each, but"
@@ -219,3 +232,17 @@ def _check_points(points: Points, model: ModelOptions, steps: int) -> None:
     reach = float(np.abs(points.positions).max())
     if reach > 1.01:
         raise PrtnetError(f"training samples: found positions up to {reach:.4g}, expected them centred in [-1, 1]^3")
+    if options.texel_size:
+        _check_uv(points.uv, count)
+
+
+def _check_uv(uv: Array | None, count: int) -> None:
+    if uv is None or len(uv) != count:
+        raise PrtnetError(
+            f"training samples: found {0 if uv is None else len(uv)} texture coordinates for {count} points, expected"
+            " one for each where train.texel_size is above 0"
+        )
+    if not (uv.min() >= 0 and uv.max() <= 1):
+        raise PrtnetError(
+            f"training samples: found texture coordinates from {uv.min():.4g} to {uv.max():.4g}, expected [0, 1]"
+        )

@@ -187,22 +187,22 @@ class _Watch:
         if run.step % max(1, run.steps // 200) == 0 or run.step == run.steps:
             values = {"loss": float(run.history[run.step - 1]), "learning_rate": self._learning_rate()}
             board.scalars(run.step, values | {"steps_per_second": self._rate(now)})
-        if self._held_out is not None and (run.step % max(1, run.steps // 10) == 0 or run.step == run.steps):
+        seen = self._held_out
+        if seen is not None and (run.step % max(1, run.steps // 10) == 0 or run.step == run.steps):
             net = run.net.spec(run.parameters())
-            predicted = netspec.evaluate_unit(net, self._held_out.positions, self._held_out.normals)
-            error = float(np.sqrt(np.mean((predicted - self._held_out.transfer) ** 2)))
+            predicted = netspec.evaluate_unit(net, seen.positions, seen.normals, uv=seen.uv)
+            error = float(np.sqrt(np.mean((predicted - seen.transfer) ** 2)))
             board.scalars(run.step, {"held_out_rmse": error})
-            board.picture(run.step, predicted, self._held_out.transfer)
+            board.picture(run.step, predicted, seen.transfer)
 
 
 def _some(points: Points | None) -> Points | None:
     """At most 4096 points, evenly picked: enough for a curve."""
     if points is None:
         return None
-    every = slice(None, None, max(1, len(points.transfer) // 4096))
-    return Points(points.positions[every], points.normals[every], points.transfer[every], points.groups)
+    return points.at(slice(None, None, max(1, len(points.transfer) // 4096)))
 
 
 def _rmse(net: NetSpec, points: Points) -> Float[Array, " k"]:
-    predicted = netspec.evaluate_unit(net, points.positions, points.normals)
+    predicted = netspec.evaluate_unit(net, points.positions, points.normals, uv=points.uv)
     return np.sqrt(np.mean((np.asarray(predicted, np.float64) - points.transfer) ** 2, axis=0))

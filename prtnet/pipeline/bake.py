@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, sh
 from prtnet.data import mipmap, samples, texture, vertex
@@ -36,6 +36,7 @@ class PointSet:
     transfer: Float[Array, "n c"]
     groups: int  # of SH coefficients in the transfer: see `pipeline.transport`
     facts: Mapping[str, Any]
+    uv: Float[Array, "n 2"] | None = None  # in the job's atlas, where its nets take that
 
 
 @dataclass(frozen=True)
@@ -82,12 +83,12 @@ class Baked:
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
     baked = _texture(job)
-    points = _net_points(job, baked.radiosity) if "net" in job.config.methods else None
+    points = _net_points(job, baked) if "net" in job.config.methods else None
     lit = _lit(job, baked) if "lit_texture" in job.config.methods else None
     return Baked(baked, lit, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
 
 
-def _net_points(job: Job, radiosity: Radiosity | None) -> NetPoints:
+def _net_points(job: Job, baked: BakedTexture) -> NetPoints:
     options, rays = job.config.samples, job.config.transfer.directions
 
     def uniform(purpose: str, count: int) -> Samples:
@@ -98,22 +99,20 @@ def _net_points(job: Job, radiosity: Radiosity | None) -> NetPoints:
     tested = {"areas": uniform("areas", options.test_count), "vertices": samples.select(vertices, np.sort(few))}
     return NetPoints(
         _point_set(
-            job, "training", uniform("training", options.count), options.count, options.directions or rays, radiosity
+            job, "training", uniform("training", options.count), options.count, options.directions or rays, baked
         ),
         *(
-            _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, radiosity)
+            _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked)
             for purpose, points in tested.items()
         ),
     )
 
 
-def _point_set(
-    job: Job, purpose: str, points: Samples, count: int, directions: int, radiosity: Radiosity | None
-) -> PointSet:
+def _point_set(job: Job, purpose: str, points: Samples, count: int, directions: int, baked: BakedTexture) -> PointSet:
     """Points with transfer, less those that no light reaches and nobody sees."""
     inputs = job.scene_key | {"purpose": purpose, "count": count, "seed": job.config.seed}
     inputs["sequence"] = job.config.samples.sequence
-    found = received(job, purpose, inputs, points, directions, radiosity)
+    found = received(job, purpose, inputs, points, directions, baked.radiosity)
     free = ~_enclosed(job, points, found.transfer)
     enclosed = int(np.sum(~free))
     if enclosed == len(free):
@@ -127,7 +126,14 @@ def _point_set(
         found.transfer[free],
         job.groups,
         {"seconds": found.seconds, "enclosed": enclosed, "points": len(free)},
+        atlas_uv(baked.atlas, points)[free] if job.config.train.texel_size else None,
     )
+
+
+def atlas_uv(atlas: Atlas, points: Samples) -> Float32[Array, "n 2"]:
+    """Where points that are known by their barycentric weights are in the atlas, in [0, 1]^2, v up."""
+    assert points.weights is not None
+    return vertex.interpolate(atlas.uv, atlas.scene, points.face, points.weights).astype(np.float32)
 
 
 def _enclosed(job: Job, points: Samples, values: Array) -> Array:

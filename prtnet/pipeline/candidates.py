@@ -20,12 +20,13 @@ LOBE = {
     "train.residual": True,
     "train.grid_cells": [],
     "train.hash_cells": [],
+    "train.texel_size": 0,
 }
 
 # settings beside the recipe's own
 GRIDS: dict[str, dict[str, Any]] = {
-    "none": {"train.grid_cells": [], "train.hash_cells": []},
-    "dense": {"train.hash_cells": []},
+    "none": {"train.grid_cells": [], "train.hash_cells": [], "train.texel_size": 0},
+    "dense": {"train.hash_cells": [], "train.texel_size": 0},
     "recipe": {},
 }
 
@@ -101,7 +102,7 @@ def _all(config: Config, outputs: int, shading: int) -> Iterator[Candidate]:
         yield _candidate(config, "lobe + linear", LOBE, outputs, shading)
     for word in options.grids:
         family, after = GRIDS[word], {"none": "", "dense": " + dense grids", "recipe": " + grids"}[word]
-        if not (config.train.grid_cells or config.train.hash_cells):
+        if not recipe.feature_count(config.train):
             after = ""
         for depth in options.depths:
             if depth == 0:
@@ -117,15 +118,15 @@ def _candidate(config: Config, name: str, settings: dict[str, Any], outputs: int
     made = configured(config, bare)
     sizes, train = _sizes(made, outputs), made.train
     weights, biases = sum(a * b for a, b in pairwise(sizes)), sum(sizes[1:])
-    values = train.grid_channels * sum(int(np.prod(sides)) for sides in train.grid_cells)
-    values += train.hash_channels * train.hash_entries * len(train.hash_cells)
+    values, texels = recipe.feature_count(train), train.texel_channels * bool(train.texel_size)
     channels = train.grid_channels * len(train.grid_cells) + train.hash_channels * len(train.hash_cells)
     return Candidate(
         name,
         width=made.model.width if made.model.depth else 0,
         depth=made.model.depth,
-        family=f"{train.encoding}, residual {train.residual}, grids {train.grid_cells}, hashes {train.hash_cells}",
-        macs=weights + 8 * channels + shading,
+        family=f"{train.encoding}, residual {train.residual}, grids {train.grid_cells}, hashes {train.hash_cells},"
+        f" texels {train.texel_size}",
+        macs=weights + 8 * channels + 4 * texels + shading,
         bytes=4 * (weights + biases) + np.dtype(train.grid_format).itemsize * values,
         settings=settings,
     )

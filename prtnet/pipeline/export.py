@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from prtnet import PrtnetError, gl, netspec, store
 from prtnet.export import bundle, certificate, form, gltf, limits, texture_file, vertices
@@ -110,9 +109,12 @@ def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> di
         few = rng.permutation(len(points.areas.positions))[:count]
         positions = np.concatenate([positions, points.areas.positions[few]]).astype(np.float32)
         normals = np.concatenate([normals, points.areas.normals[few]]).astype(np.float32)
-        facts = certify.errors_and_timing(made, trained.net, certify.Points(positions, normals))
+        places = points.areas.uv
+        uv = None if places is None else np.concatenate([rng.random((count, 2), np.float32), places[few]])
+        where = certify.Points(positions, normals, uv)
+        facts = certify.errors_and_timing(made, trained.net, where)
         facts["points"] = {"cube": count, "scene": len(few)}
-        facts["errors"]["torch"] = _torch_error(job, trained.net, positions, normals)
+        facts["errors"]["torch"] = _torch_error(job, trained.net, where)
         return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
@@ -126,12 +128,10 @@ def _checked(made: Bundle) -> int:
     return int(np.clip(CHECKED_POINTS * form.AUTO_LITERAL_MACS // (4 * macs), 1 << 10, 1 << 12))
 
 
-def _torch_error(
-    job: Job, net: NetSpec, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]
-) -> dict[str, float]:
+def _torch_error(job: Job, net: NetSpec, points: certify.Points) -> dict[str, float]:
     module = of_spec.of_spec(net, job.config.model, job.config.train)
-    found = of_spec.transfer(module, positions, normals)
-    error = np.abs(found - netspec.evaluate_unit(net, positions.astype(np.float64), normals))
+    found = of_spec.transfer(module, points.positions, points.normals, points.uv)
+    error = np.abs(found - points.evaluated(net))
     return {"max": float(error.max()), "mean": float(error.mean())}
 
 

@@ -161,6 +161,11 @@ def _check_atlas(config: Config) -> None:
     atlas_set.check(options.sets)
     atlas.check(options.unwrap, 1 if options.padding is None else options.padding)
     transfer_map.check(options.level_of_detail)
+    if config.train.texel_size and options.sets != "one":
+        raise PrtnetError(
+            f"train.texel_size: found {config.train.texel_size} with atlas.sets={options.sets}, expected"
+            " atlas.sets=one: the texels of a net are one image over the whole scene"
+        )
 
 
 def _check_export(config: Config) -> None:

@@ -121,6 +121,7 @@ def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, drawin
         groups=job.groups,
         grids=trained.net.grids,
         hashes=trained.net.hashes,
+        texels=trained.net.texels,
         weights=exported.weights,
         folding=(exported.net, exported.irradiance) if exported.irradiance else None,
     )

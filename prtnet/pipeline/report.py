@@ -90,7 +90,7 @@ def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
 def _lobes(job: Job, points: NetPoints, trained: Trained) -> None:
     """Direct transfer of the held-out points at which the net is best and worst, and of two between."""
     areas, count = points.areas, sh.count(job.config.transfer.bands)
-    predicted = netspec.evaluate_unit(trained.net, areas.positions, areas.normals)[:, :count]
+    predicted = netspec.evaluate_unit(trained.net, areas.positions, areas.normals, uv=areas.uv)[:, :count]
     truth = areas.transfer[:, :count]
     errors = lobes.rmse(predicted, truth)
     shown = lobes.chosen(errors)

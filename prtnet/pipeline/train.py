@@ -12,6 +12,7 @@ from prtnet.models import memory
 from prtnet.models import train as training
 from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
+from prtnet.pipeline.atlas import inputs_of
 from prtnet.pipeline.bake import NetPoints, PointSet
 from prtnet.pipeline.job import Job
 from prtnet.store import Artifact
@@ -49,7 +50,11 @@ def _inputs(job: Job, points: NetPoints) -> dict[str, Any]:
     del options["checkpoint_seconds"]
     if options["steps"] is not None:
         del options["cpu_seconds"]
-    return {
+    # a net without texels depends on no atlas, and is the one that was trained before there were texels
+    texels = {"atlas": inputs_of(job)} if options["texel_size"] else {}
+    if not texels:
+        del options["texel_size"], options["texel_channels"]
+    return texels | {
         "training": points.training.key,
         "model": asdict(job.config.model),
         "train": options,
@@ -115,12 +120,12 @@ def _steps(job: Job, points: NetPoints, inputs: Mapping[str, Any], known: float 
 
 
 def _points(part: PointSet) -> Points:
-    return Points(part.positions, part.normals, part.transfer, part.groups)
+    return Points(part.positions, part.normals, part.transfer, part.groups, part.uv)
 
 
 def _rmse(net: NetSpec, part: PointSet) -> float:
     """Root mean square error over all coefficients."""
-    found = netspec.evaluate_unit(net, part.positions, part.normals)
+    found = netspec.evaluate_unit(net, part.positions, part.normals, uv=part.uv)
     return float(np.sqrt(np.mean((found.astype(np.float64) - part.transfer) ** 2)))
 
 

@@ -55,7 +55,8 @@ class Trials:
         """Of each view, in dB on covered pixels, as stage `score` has it of the net's shader."""
         job, seen, found = self._job, self._seen, []
         for view, wanted in zip(seen.views, seen.shown, strict=True):
-            transfer = netspec.evaluate_unit(trained.net, view.gbuffer.positions, view.gbuffer.normals, np.float32)
+            seen_at = view.gbuffer
+            transfer = netspec.evaluate_unit(trained.net, seen_at.positions, seen_at.normals, np.float32, seen_at.uv)
             image = gbuffers.shade(view.gbuffer, transfer, self._light, job.material, groups=job.groups)
             found.append(score.psnr(score.tone_map(image, seen.exposure), wanted, view.covered))
         return found

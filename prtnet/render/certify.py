@@ -28,6 +28,11 @@ class Points:
 
     positions: Float[Array, "n 3"]
     normals: Float[Array, "n 3"]
+    uv: Float[Array, "n 2"] | None = None  # in the atlas, where the net has texels
+
+    def evaluated(self, net: NetSpec) -> Float64[Array, "n c"]:
+        """The twin."""
+        return netspec.evaluate_unit(net, self.positions.astype(np.float64), self.normals, uv=self.uv)
 
 
 def errors_and_timing(made: Bundle, exact: NetSpec, points: Points) -> dict[str, Any]:
@@ -35,13 +40,13 @@ def errors_and_timing(made: Bundle, exact: NetSpec, points: Points) -> dict[str,
 
     Shading is that of a white surface under the built-in sky; its bound is that of the coefficients carried through.
     """
-    twin = _evaluate(made.net, points)
+    twin = points.evaluated(made.net)
     errors: dict[str, Any] = {}
     if made.form.precision != "float32" or (made.form.storage == "literal" and made.form.digits < 9):
-        errors["rounding of the weights"] = _error(_evaluate(exact, points) - twin)
+        errors["rounding of the weights"] = _error(points.evaluated(exact) - twin)
     if made.form.storage == "ubo":
         return {"executed": False, "reason": uniform_block.NOT_RUN, "errors": errors}
-    textures = verify.textures(made.net, points.positions, points.normals, made.weights)
+    textures = verify.textures(made.net, points.positions, points.normals, made.weights, points.uv)
     passes = verify.passes(made.net, made.transfer, textures)
     found = verify.coefficients(made.net, passes, len(twin))
     errors["coefficients"] = _error(found - twin) | {"bound": verify.TOLERANCE}
@@ -109,10 +114,6 @@ def _gloss(net: NetSpec, points: Points, twin: Array, known: Array) -> tuple[Flo
     shone = np.stack([np.sum((direct @ colour) * seen, axis=1) for colour in matrix], axis=1)
     reach = np.stack([np.abs(seen @ colour.T).sum(axis=1) for colour in matrix], axis=1)
     return shone, reach
-
-
-def _evaluate(net: NetSpec, points: Points) -> Float64[Array, "n c"]:
-    return netspec.evaluate_unit(net, points.positions.astype(np.float64), points.normals)
 
 
 def _error(difference: Float[Array, "..."]) -> dict[str, float]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
+from prtnet.data import vertex
 from prtnet.data.samples import at_barycentric
 from prtnet.data.scene import Scene
 from prtnet.render import reflectance
@@ -41,6 +42,8 @@ class GBuffer:
     parts: tuple[str, ...]
     # of the file; below 0 where it says nothing, None where it does so nowhere
     roughness: Float32[Array, " n"] | None = None
+    # in the atlas, v up; None where the scene was drawn without one
+    uv: Float32[Array, "n 2"] | None = None
 
 
 def from_faces(
@@ -49,8 +52,12 @@ def from_faces(
     albedo: Float32[Array, "h w 3"],
     eye: Point,
     roughness: Float32[Array, "h w"] | None = None,
+    atlas_uv: Float32[Array, "v 2"] | None = None,
 ) -> GBuffer:
-    """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces."""
+    """The G-buffer of an image of (face + 1, b1, b2, 1): the points follow in float64 and lie on their faces.
+
+    `atlas_uv`: texture coordinates of the scene's vertices.
+    """
     pixel, face, weights = barycentric(faces)
     points = at_barycentric(unit_scene, face, weights)
     return GBuffer(
@@ -65,6 +72,7 @@ def from_faces(
         part=unit_scene.part[points.face],
         parts=reflectance.names_of(unit_scene),
         roughness=None if roughness is None else roughness.reshape(-1)[pixel],
+        uv=None if atlas_uv is None else vertex.interpolate(atlas_uv, unit_scene, face, weights).astype(np.float32),
     )
 
 

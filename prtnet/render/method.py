@@ -23,7 +23,7 @@ from prtnet.render.transfer_map import TransferMap
 
 Array = np.ndarray
 
-GRID_UNIT = 8  # texture units from here on are for the grids of a net, at most eight
+GRID_UNIT = 7  # texture units from here on are for the grids and texels of a net, at most nine
 
 
 class Shaded:
@@ -202,9 +202,9 @@ class TextureMethod(Shaded):
 class NetMethod(Shaded):
     """Transfer from an exported GLSL function `prt_transfer(position, normal, out vec4 t0, ...)` at every pixel.
 
-    `grids` and `hashes` are those of its net, `weights` the image of its weight texture, where it has them. With
-    `folding`, a diffuse material is drawn by the function text of `export.fold.irradiance` instead, and the net that
-    belongs to it says what the light is folded into.
+    `grids`, `hashes` and `texels` are those of its net, `weights` the image of its weight texture, where it has them.
+    One with texels takes `uv` after the normal. With `folding`, a diffuse material is drawn by the function text of
+    `export.fold.irradiance` instead, and the net that belongs to it says what the light is folded into.
     """
 
     def __init__(
@@ -216,10 +216,11 @@ class NetMethod(Shaded):
         groups: int = 1,
         grids: Sequence[Float[Array, "_ _ _ _"]] = (),
         hashes: Sequence[HashGrid] = (),
+        texels: Sequence[Float[Array, "_ _ _"]] = (),
         weights: Float[Array, "h w 4"] | None = None,
         folding: tuple[NetSpec, str] | None = None,
     ):
-        self._features = features.upload(grids, hashes)
+        self._features = features.upload(grids, hashes, texels)
         if weights is not None:
             self._features[weight_texture.NAME] = gl.upload_table(weights)
         self._net, irradiance = (None, "") if folding is None or material.glossy else folding
@@ -229,16 +230,17 @@ class NetMethod(Shaded):
             raise PrtnetError(
                 "net shader: expected a function void prt_transfer(vec3, vec3, out vec4 t0, ...), found none"
             )
-        arguments = ", ".join(f"t{layer}" for layer in range(outputs))
-        transfer = f"prt_transfer(position, shading_normal(), {arguments})"
+        self._point = ["position", "shading_normal()", *["atlas_uv"] * bool(texels)]
+        transfer = f"prt_transfer({', '.join([*self._point, *(f't{layer}' for layer in range(outputs))])})"
         most = 4 * outputs // groups
         if irradiance:
             function, transfer = irradiance, ""
-        super().__init__(raster, range(most - 3, most + 1), function + "\n", transfer, material, groups)
+        source = ("in vec2 atlas_uv;\n" if texels else "") + function + "\n"
+        super().__init__(raster, range(most - 3, most + 1), source, transfer, material, groups)
 
     def _received(self, names: list[str]) -> str:
         """Irradiance as an expression of the vectors, or folded."""
-        return super()._received(names) if self._net is None else "prt_irradiance(position, shading_normal())"
+        return super()._received(names) if self._net is None else f"prt_irradiance({', '.join(self._point)})"
 
     def set_light(self, light: Float[Array, "k 3"]) -> None:
         """Upload a light. Raises PrtnetError where its bands are not those of the transfer."""

@@ -128,8 +128,9 @@ class Raster:
         return image
 
     def gbuffer(self, camera: Camera) -> GBuffer:
-        """Surface point, normals and albedo of every covered pixel."""
-        return from_faces(self.scene, self.faces(camera), self.albedo(camera), camera.eye, self.roughness(camera))
+        """Surface point, normals, albedo and texture coordinate of every covered pixel."""
+        faces, albedo = self.faces(camera), self.albedo(camera)
+        return from_faces(self.scene, faces, albedo, camera.eye, self.roughness(camera), self.atlas.uv)
 
     def albedo(self, camera: Camera) -> Float32[Array, "h w 3"]:
         """Linear RGB albedo of each pixel, as every method sees it."""

@@ -17,7 +17,7 @@ from prtnet.render.material import Material, OfPart, Reflectance
 
 Array = np.ndarray
 # texture unit of the roughness maps
-UNIT = 7
+UNIT = 6
 
 
 def check(material: Material, scene: Scene) -> None:

@@ -29,15 +29,17 @@ def glsl_error(
     source: str,
     positions: Float[Array, "n 3"],
     normals: Float[Array, "n 3"],
+    uv: Float[Array, "n 2"] | None = None,
     *,
     weights: Float[Array, "h w 4"] | None = None,
 ) -> Errors:
-    """Errors of the function text `source` (`glsl.emit`) at centred positions and unit normals.
+    """Errors of the function text `source` (`glsl.emit`) at centred positions, unit normals and, where the net takes
+    them, coordinates in the atlas.
 
     `weights`: the image of its weight texture, where it has one.
     """
-    found = run(net, source, positions, normals, weights=weights)
-    error = np.abs(found - netspec.evaluate_unit(net, positions.astype(np.float64), normals))
+    found = run(net, source, positions, normals, uv, weights=weights)
+    error = np.abs(found - netspec.evaluate_unit(net, positions.astype(np.float64), normals, uv=uv))
     return Errors(float(error.max()), float(error.mean()))
 
 
@@ -53,11 +55,12 @@ def run(
     source: str,
     positions: Float[Array, "n 3"],
     normals: Float[Array, "n 3"],
+    uv: Float[Array, "n 2"] | None = None,
     *,
     weights: Float[Array, "h w 4"] | None = None,
 ) -> Float[Array, "n c"]:
     """The coefficients that the function text `source` gives on the driver, one pixel a point."""
-    return coefficients(net, passes(net, source, textures(net, positions, normals, weights)), len(positions))
+    return coefficients(net, passes(net, source, textures(net, positions, normals, weights, uv)), len(positions))
 
 
 def textures(
@@ -65,15 +68,18 @@ def textures(
     positions: Float[Array, "n 3"],
     normals: Float[Array, "n 3"],
     weights: Float[Array, "h w 4"] | None = None,
+    uv: Float[Array, "n 2"] | None = None,
 ) -> dict[str, Any]:
     """What the samplers of a shader about a function of the net read: the points, one a pixel, and the net's own."""
     found: dict[str, Any] = {
         "positions": gl.upload(pixelwise.image(positions)),
         "normals": gl.upload(pixelwise.image(normals)),
     }
+    if uv is not None and net.texels:
+        found["uvs"] = gl.upload(pixelwise.image(uv))
     if weights is not None:
         found[weight_texture.NAME] = gl.upload_table(weights)
-    return found | features.upload(net.grids, net.hashes)
+    return found | features.upload(net.grids, net.hashes, net.texels)
 
 
 def passes(net: NetSpec, source: str, found: dict[str, Any]) -> list[Pass]:

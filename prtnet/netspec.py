@@ -173,26 +173,18 @@ def evaluate_unit(
     Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64, or those of
     the layers in float32, about twice as fast and to about 1e-6, where `sums` says so.
     """
-    places = _places(net, uv, len(positions))
+    if uv is None and net.texels:
+        raise PrtnetError(
+            "net texels: found no uv, expected the place of each point in the atlas of the net's training"
+        )
+    # where there are no texels to look up, any will do
+    places = np.zeros((len(positions), 2)) if uv is None else uv
     out = np.empty((len(positions), net.groups * sh.count(net.bands)), np.float64)
     for start in range(0, len(positions), _CHUNK):
         part = slice(start, start + _CHUNK)
         inputs = _rounded(positions[part]), _rounded(normals[part]), _rounded(places[part])
         out[part] = _evaluate_chunk(net, *inputs, sums)
     return out.astype(np.result_type(positions, np.float32), copy=False)
-
-
-def _places(net: NetSpec, uv: Array | None, count: int) -> Array:
-    """Coordinates in the atlas; any, where there are no texels to look up."""
-    if not net.texels:
-        return np.zeros((count, 2))
-    if uv is None or uv.shape != (count, 2):
-        found = "none" if uv is None else f"those of shape {uv.shape}"
-        raise PrtnetError(
-            f"net texels: found {found} for uv at {count} points, expected the texture coordinate of each in the atlas"
-            " that the net was trained with, of shape (n, 2)"
-        )
-    return uv
 
 
 def _rounded(x: Array) -> Array:
@@ -218,7 +210,7 @@ def _evaluate_chunk(net: NetSpec, positions: Array, normals: Array, uv: Array, s
 
 
 def macs(net: NetSpec) -> int:
-    """Multiply-adds of the layers for one point, and 8 for each channel fetched from a grid, dense or hashed, 4 of texels.
+    """Multiply-adds of the layers for one point, 8 for a channel fetched from a grid, dense or hashed, 4 from texels.
 
     The encoding, activations and the analytic lobe are not counted.
     """

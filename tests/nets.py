@@ -20,6 +20,7 @@ def random_net(
     encoding: str = "frequency",
     grids: tuple[np.ndarray, ...] = (),
     hashes: tuple[HashGrid, ...] = (),
+    texels: tuple[np.ndarray, ...] = (),
     seed: int = 0,
     **fields: object,
 ) -> NetSpec:
@@ -27,6 +28,7 @@ def random_net(
     rng = np.random.default_rng(seed)
     inputs = encoded_size(position_frequencies, normal_frequencies, encoding)
     inputs += sum(grid.shape[3] for grid in grids) + sum(each.table.shape[1] for each in hashes)
+    inputs += sum(each.shape[2] for each in texels)
     sizes = [inputs, *[width] * depth, groups * sh.count(bands)]
     weights = tuple(
         (rng.normal(size=(rows, columns)) * np.sqrt(2 / columns)).astype(np.float32)
@@ -43,6 +45,7 @@ def random_net(
         encoding=encoding,
         grids=grids,
         hashes=hashes,
+        texels=texels,
         **fields,  # pyright: ignore[reportArgumentType]
     )
 
@@ -55,6 +58,16 @@ def random_grid(x: int, y: int, z: int, channels: int = 8, kind: str = "float16"
 def random_hash(cells: int, entries: int = 256, channels: int = 4, kind: str = "float16", seed: int = 0) -> HashGrid:
     """A hashed grid of features of a NetSpec."""
     return HashGrid(cells, np.random.default_rng(seed).normal(size=(entries, channels)).astype(kind))
+
+
+def random_texels(x: int, y: int, channels: int = 4, kind: str = "float16", seed: int = 0) -> np.ndarray:
+    """An image of features of a NetSpec."""
+    return random_grid(x, y, 1, channels, kind, seed)[0]
+
+
+def random_uv(count: int, seed: int = 0) -> np.ndarray:
+    """Coordinates in [0, 1]^2, float32."""
+    return np.random.default_rng(seed).random((count, 2), np.float32)
 
 
 def random_points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

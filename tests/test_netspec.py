@@ -10,7 +10,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from prtnet import PrtnetError, netspec, sh
 from prtnet.encoding import HashGrid, encode, encoded_size, hashed, trilinear
-from tests.nets import random_grid, random_hash, random_net, random_points
+from tests.nets import random_grid, random_hash, random_net, random_points, random_texels, random_uv
 
 coordinates = st.floats(-1, 1, width=32)
 
@@ -131,6 +131,50 @@ def test_grids_come_back_from_the_file_in_their_type(tmp_path):
     (tmp_path / "c").write_bytes(cut)
     with pytest.raises(PrtnetError, match=r"c: .*grid\.2"):
         netspec.load(tmp_path / "c")
+
+
+def test_texels_are_counted_and_come_back_from_the_file(tmp_path):
+    texels = random_texels(3, 2, 8), random_texels(5, 5, 4, "float32")
+    plain, net = random_net(), random_net(texels=texels)
+    assert netspec.macs(net) - netspec.macs(plain) == 12 * 8 + 4 * 12
+    assert netspec.byte_count(net) - netspec.byte_count(plain) == 4 * 12 * 8 + 2 * 6 * 8 + 4 * 25 * 4
+    netspec.save(net, tmp_path / "a")
+    again = netspec.load(tmp_path / "a")
+    for found, expected in zip(again.texels, texels, strict=True):
+        assert found.dtype == expected.dtype
+        np.testing.assert_array_equal(found, expected)
+    netspec.save(plain, tmp_path / "b")
+    assert b"texels" not in (tmp_path / "b").read_bytes()
+
+
+def test_a_net_with_texels_is_a_function_of_the_place_in_the_atlas():
+    (positions, normals), uv = random_points(40_000), random_uv(40_000)
+    net = random_net(texels=(random_texels(4, 4),), centre=(1.0, 2.0, 3.0), scale=0.5)
+    found = netspec.evaluate(net, positions / np.float32(0.5) + np.float32([1, 2, 3]), normals, uv)
+    whole = netspec.evaluate_unit(net, positions, normals, uv=uv)
+    np.testing.assert_allclose(found, whole, atol=1e-4)
+    np.testing.assert_array_equal(whole[-5:], netspec.evaluate_unit(net, positions[-5:], normals[-5:], uv=uv[-5:]))
+    assert np.abs(whole - netspec.evaluate_unit(net, positions, normals, uv=uv[::-1])).max() > 0.1
+    with pytest.raises(PrtnetError, match=r"net texels: found no uv, expected .* in the atlas"):
+        netspec.evaluate_unit(net, positions, normals)
+    # one without has no use for it
+    plain = random_net()
+    np.testing.assert_array_equal(
+        netspec.evaluate(plain, positions, normals, uv), netspec.evaluate(plain, positions, normals)
+    )
+
+
+@pytest.mark.parametrize(
+    ("texels", "message"),
+    [
+        (random_texels(2, 2, channels=6), r"texels: found \(2, 2, 6\) in float16, expected .* 4 n channels"),
+        (random_texels(2, 2, kind="float64"), "in float64"),
+        (random_texels(2, 2) * np.float16("nan"), "texels: found NaN or infinity"),
+    ],
+)
+def test_texels_that_mean_nothing_are_refused(texels, message):
+    with pytest.raises(PrtnetError, match=message):
+        replace(random_net(), texels=(texels,))
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,19 @@ def test_split_scene_is_kept_face_by_face(plants):
     assert made.uv.max() <= 1
 
 
+@pytest.mark.parametrize("single_chart", [False, True])
+def test_samples_are_where_their_face_and_weights_say_in_the_atlas_too(plants, single_chart):
+    made = atlas.make(plants, size=SIZE, single_chart=single_chart)
+    vertices = samples.at_vertices(plants)
+    for found in (samples.area_uniform(plants, 4000, np.random.default_rng(1)), vertices):
+        corner = made.scene.faces[found.face]
+        positions = np.einsum("ni,nij->nj", found.weights, made.scene.vertices[corner])
+        np.testing.assert_allclose(positions, found.positions, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.weights.sum(axis=1), 1, rtol=0, atol=1e-12)
+    some = samples.select(vertices, np.arange(5, 20))
+    np.testing.assert_array_equal(some.weights, vertices.weights[5:20])
+
+
 def test_two_sides_have_two_charts(plants):
     made = atlas.make(plants, size=SIZE)
     assert atlas.coverage(made.uv[made.scene.faces], SIZE).max() == 1

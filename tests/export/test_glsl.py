@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from prtnet import PrtnetError
 from prtnet.export import glsl
-from tests.nets import random_grid, random_hash, random_net
+from tests.nets import random_grid, random_hash, random_net, random_texels
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
@@ -34,6 +34,7 @@ def test_literals_read_back_as_the_same_float32(value):
         {"encoding": "identity", "residual": True, "output": "linear", "depth": 0},
         {"grids": (random_grid(5, 4, 3), random_grid(2, 2, 2, channels=4))},
         {"hashes": (random_hash(48, channels=8), random_hash(128))},
+        {"texels": (random_texels(6, 4, 8),), "grids": (random_grid(5, 4, 3),), "hashes": (random_hash(8),)},
         {"activation": "silu", "output": "linear", "residual": True, "bands": 7},
         {"bands": 1, "residual": True, "position_frequencies": 0, "normal_frequencies": 0, "output_scale": 1.0},
     ],

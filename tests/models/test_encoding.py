@@ -5,8 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prtnet import encoding as twin
-from prtnet.models.encoding import encode, hashed, trilinear
-from tests.nets import random_grid, random_hash, random_points
+from prtnet.data.bilinear import bilinear as of_images
+from prtnet.models.encoding import bilinear, encode, hashed, trilinear
+from tests.nets import random_grid, random_hash, random_points, random_texels, random_uv
 
 
 @pytest.mark.parametrize("encoding", twin.ENCODINGS)
@@ -37,6 +38,35 @@ def test_the_gradient_of_a_grid_is_that_of_a_double_precision_sum():
         one[place] = 1
         expected = twin.trilinear(one, positions)[:, 0] @ towards
         np.testing.assert_allclose(grid.grad[place].numpy(), expected, rtol=0, atol=2e-5)
+
+
+CORNERS = [[0, 0], [1, 1], [0, 1], [1, 0], [0.5, 0.5]]
+
+
+@pytest.mark.parametrize(("x", "y"), [(5, 3), (1, 1), (64, 2)])
+def test_texels_are_read_as_images_are(x, y):
+    texels = random_texels(x, y, kind="float32")
+    uv = np.concatenate([random_uv(500), CORNERS]).astype(np.float32)
+    expected = of_images(texels, uv, repeat=False)
+    np.testing.assert_allclose(twin.bilinear(texels, uv), expected, rtol=0, atol=1e-12)
+    found = bilinear(torch.from_numpy(texels), torch.from_numpy(uv)).numpy()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * x)
+    # the top row of the image is at v = 1
+    np.testing.assert_allclose(twin.bilinear(texels, np.array([[0.0, 1.0]]))[0], texels[0, 0], rtol=0, atol=1e-12)
+
+
+def test_the_gradient_of_texels_is_that_of_torch_itself():
+    texels, uv = random_texels(6, 4, kind="float32"), np.concatenate([random_uv(300), CORNERS]).astype(np.float32)
+    towards = torch.from_numpy(np.random.default_rng(1).normal(size=(len(uv), 4)).astype(np.float32))
+    ours, torchs = (torch.from_numpy(texels.copy()).requires_grad_() for _ in range(2))
+    bilinear(ours, torch.from_numpy(uv)).backward(towards)
+    places = torch.from_numpy(uv)[None, None] * torch.tensor([2.0, -2.0]) + torch.tensor([-1.0, 1.0])
+    image = torchs.permute(2, 0, 1)[None]
+    found = torch.nn.functional.grid_sample(image, places, padding_mode="border", align_corners=False)
+    found[0, :, 0].T.backward(towards)
+    assert ours.grad is not None
+    assert torchs.grad is not None
+    np.testing.assert_allclose(ours.grad.numpy(), torchs.grad.numpy(), rtol=0, atol=2e-5)
 
 
 @pytest.mark.parametrize(("cells", "channels"), [(48, 4), (1000, 8)])

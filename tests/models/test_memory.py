@@ -26,6 +26,7 @@ def test_a_net_too_large_for_memory_is_refused_before_it_is_made(begin, optimise
         (4096, TrainOptions(), 1000, "model.width"),
         (64, TrainOptions(batch=10**9), 10**8, "train.batch"),
         (64, TrainOptions(), 10**9, "samples.count"),
+        (64, TrainOptions(texel_size=2048), 1000, "train.texel_size"),
     ],
 )
 def test_the_message_names_what_takes_most(width, options, count, key, monkeypatch):

@@ -6,7 +6,7 @@ from prtnet import netspec, sh
 from prtnet.encoding import ENCODINGS
 from prtnet.models.mlp import SCALE, Mlp
 from prtnet.models.recipe import ModelOptions, TrainOptions, published
-from tests.nets import random_points
+from tests.nets import random_points, random_uv
 
 
 def _net(head, width=12, depth=3, bands=4, seed=0):
@@ -64,6 +64,21 @@ def test_torch_and_its_spec_agree_on_grids(kind, activation):
     assert [grid.shape for grid in spec.grids] == [(4, 3, 2, 4), (2, 1, 5, 4)]
     assert {str(grid.dtype) for grid in spec.grids} == {kind}
     np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals), rtol=0, atol=1e-5)
+
+
+def test_torch_and_its_spec_agree_on_texels():
+    head = TrainOptions(grid_cells=[[2, 3, 4]], hash_cells=[9], hash_entries=256, texel_size=5, texel_channels=8)
+    net = _net(head)
+    with torch.no_grad():
+        (texels,) = net.texels
+        assert 0 < texels.abs().max() <= 1e-4
+        texels.copy_((4 * torch.randn(texels.shape, generator=torch.Generator().manual_seed(0))).round() / 4)
+    (positions, normals), uv = random_points(200), random_uv(200)
+    with torch.no_grad():
+        found = SCALE * net(*map(torch.from_numpy, (positions, normals, uv))).numpy()
+    spec = net.spec()
+    assert [each.shape for each in spec.texels] == [(5, 5, 8)]
+    np.testing.assert_allclose(found, netspec.evaluate_unit(spec, positions, normals, uv=uv), rtol=0, atol=3e-5)
 
 
 def test_torch_and_its_spec_agree_on_hashed_grids():

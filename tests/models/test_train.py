@@ -15,7 +15,7 @@ from prtnet.models import checkpoint
 from prtnet.models.recipe import ModelOptions, TrainOptions, published
 from prtnet.models.run import Points, Run
 from prtnet.models.train import calibrate, train
-from tests.nets import random_points
+from tests.nets import random_points, random_uv
 
 MODEL = ModelOptions(16, 2)
 SHORT = TrainOptions(
@@ -34,7 +34,8 @@ def points(count=2000, seed=0):
     """A smooth made-up transfer: the open lobe, darkened in a checkerboard of soft spots."""
     positions, normals = random_points(count, seed)
     shade = 0.5 + 0.4 * np.sin(3 * positions[:, :1]) * np.cos(2 * positions[:, 1:2])
-    return Points(positions, normals, (shade * sh.cosine_lobe(normals, 3)).astype(np.float32))
+    transfer = (shade * sh.cosine_lobe(normals, 3)).astype(np.float32)
+    return Points(positions, normals, transfer, uv=random_uv(count, seed))
 
 
 def saved(result, path):
@@ -87,7 +88,7 @@ VARIANTS = {
         grid_cells=[[4, 3, 2]],
         hash_cells=[8],
     ),
-    "hard points": replace(SHORT, resample=0.5, loss="radiance", loss_gloss=10.0),
+    "hard points": replace(SHORT, resample=0.5, loss="radiance", loss_gloss=10.0, texel_size=6),
 }
 
 
@@ -240,6 +241,34 @@ def test_every_part_learns(change):
     assert np.sqrt(np.mean(result.held_out_rmse**2)) < 0.2 * open_points
 
 
+def test_texels_learn_what_position_and_normal_do_not_say():
+    known = points(20_000)
+    assert known.uv is not None
+    shade = 0.5 + 0.4 * np.sign(known.uv[:, :1] - 0.5)
+    hidden = replace(known, transfer=(shade * sh.cosine_lobe(known.normals, 3)).astype(np.float32))
+    rmse = []
+    for size in (0, 8):
+        options = replace(SHORT, texel_size=size, patience=20)
+        result = train(hidden, model=MODEL, options=options, steps=400, held_out=hidden.at(slice(500)))
+        rmse.append(np.sqrt(np.mean(result.held_out_rmse**2)))
+    assert rmse[1] < 0.5 * rmse[0]
+
+
+@pytest.mark.parametrize(
+    ("uv", "message"),
+    [
+        (None, "found 0 texture coordinates for 2000 points"),
+        (np.full((2000, 2), 1.5, np.float32), r"from 1\.5 to 1\.5, expected \[0, 1\]"),
+        (np.full((2000, 2), np.nan, np.float32), "texture coordinates from nan"),
+    ],
+)
+def test_coordinates_that_texels_cannot_be_learned_at_are_refused(uv, message):
+    without = replace(points(), uv=uv)
+    with pytest.raises(PrtnetError, match=message):
+        train(without, model=MODEL, options=replace(SHORT, texel_size=4), steps=5)
+    train(without, model=MODEL, options=SHORT, steps=5)
+
+
 def test_the_progress_line_gets_what_it_needs():
     seen = []
     train(points(), model=MODEL, options=SHORT, steps=10, on_log=seen.append)
@@ -280,4 +309,4 @@ def test_bfloat16_learns_as_well_as_float32():
 )
 def test_samples_that_cannot_be_learned_are_refused(change, message):
     with pytest.raises(PrtnetError, match=message):
-        train(replace(points(), **change), model=MODEL, options=SHORT, steps=5)
+        train(replace(points(), uv=None, **change), model=MODEL, options=SHORT, steps=5)

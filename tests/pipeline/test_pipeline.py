@@ -136,6 +136,35 @@ def test_another_width_keeps_the_bake(finished):
     run(config(finished))
 
 
+def test_texels_keep_the_bake_and_belong_to_an_atlas(finished):
+    stages = ("training", "areas", "vertices", "texture", "vertex", "traced", "atlas")
+    before = {stage: artifacts(finished, stage) for stage in (*stages, "net")}
+    out, cache = finished / "texels", str(finished / "cache")
+    run(config(out, cache=cache, train__texel_size=8))
+    assert {stage: artifacts(finished, stage) for stage in stages} == {stage: before[stage] for stage in stages}
+    assert json.loads((out / "export.json").read_text())["error_max"] <= 1e-5
+    assert "vec2 uv, out vec4 t0" in (out / "transfer.glsl").read_text()
+    with_texels = artifacts(finished, "net")
+    assert len(with_texels) == len(before["net"]) + 1
+    # another atlas is another net with texels, and none without
+    run(config(out, cache=cache, stages=["train"], atlas__size=48))
+    assert artifacts(finished, "net") == with_texels
+    run(config(out, cache=cache, stages=["train"], atlas__size=48, train__texel_size=8))
+    assert len(artifacts(finished, "net")) == len(with_texels) + 1
+    # of a net without, the key is what it was before there were texels
+    records = [json.loads(path.read_text())["inputs"] for path in (finished / "cache" / "net").glob("*.json")]
+    for inputs in records:
+        assert ("atlas" in inputs) == ("texel_size" in inputs["train"]) == ("texel_channels" in inputs["train"])
+
+
+def test_texels_need_one_atlas_for_the_whole_scene(tmp_path):
+    with pytest.raises(
+        PrtnetError, match=r"train\.texel_size: found 8 with atlas\.sets=parts, expected atlas\.sets=one"
+    ):
+        run(config(tmp_path, train__texel_size=8, atlas__sets="parts"))
+    assert not list(tmp_path.iterdir())
+
+
 def test_another_mesh_for_the_vertices_keeps_the_rest(finished):
     stages = ("training", "texture", "traced", "atlas", "net")
     before = {stage: artifacts(finished, stage) for stage in (*stages, "vertex", "score")}

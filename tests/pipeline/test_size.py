@@ -8,7 +8,7 @@ import pytest
 
 from prtnet import PrtnetError, netspec, score
 from prtnet.config import Config
-from prtnet.pipeline import run
+from prtnet.pipeline import candidates, run
 from tests.small import SETTINGS
 
 PLANE = """
@@ -68,7 +68,7 @@ def test_what_a_search_leaves(plane):
     assert words[:2] == ["prtnet", "scene.path=plane.obj"]
     assert set(words[2:]) == {
         "model.depth=0", "train.encoding=identity", "train.residual=True", "train.grid_cells=[]",
-        "train.hash_cells=[]", "stages=[score]",
+        "train.hash_cells=[]", "train.texel_size=0", "stages=[score]",
     }  # fmt: skip
 
 
@@ -101,14 +101,32 @@ def test_the_stages_after_it_go_on_with_the_choice_and_agree(material, tmp_path)
     assert netspec.load(tmp_path / "net.safetensors").residual == (chosen["name"] == "lobe + linear")
 
 
-def test_grids_count_as_in_the_table(tmp_path):
-    made = config(tmp_path, stages=["size", "score"], size__widths=[8], size__depths=[1], size__max_macs=10**6)
+def test_grids_and_texels_count_and_show_as_in_the_table(tmp_path):
+    """The trial is the NumPy twin at the places in the atlas that pixels show, the table the shader."""
+    changes = {"size__widths": [8], "size__depths": [1], "size__max_macs": 10**6, "train__steps": 300}
+    made = config(tmp_path, stages=["size", "score"], **changes)
     made.size.grids = ["recipe"]
+    made.train.texel_size, made.train.texel_channels = 12, 4
     made.train.grid_cells, made.train.hash_cells, made.train.hash_entries = [[4, 3, 2], [5, 2, 2]], [8], 256
     run(made)
-    (chosen,) = json.loads((tmp_path / "size.json").read_text())["candidates"]
+    found = json.loads((tmp_path / "size.json").read_text())
+    (chosen,) = found["candidates"]
     (row,) = (row for row in score.read(tmp_path / "score.json")[0] if (row.method, row.reference) == ("net", "traced"))
     assert (row.macs, row.bytes) == (chosen["macs"], chosen["bytes"])
+    (trial,) = (each for each in found["trials"] if each["share"] == 1)
+    assert row.psnr == pytest.approx(trial["psnr"], abs=0.02)
+    assert [each.shape for each in netspec.load(tmp_path / "net.safetensors").texels] == [(12, 12, 4)]
+
+
+def test_texels_go_with_the_grids(tmp_path):
+    made = config(tmp_path, size__widths=[8], size__depths=[0, 1], size__max_macs=10**6, train__texel_size=6)
+    made.size.grids = ["none", "dense", "recipe"]
+    fit, _ = candidates.space(made, 9, 27)
+    found = {each.name: candidates.configured(made, each).train.texel_size for each in fit}
+    without = ("lobe + linear", "linear", "8 x 1", "linear + dense grids", "8 x 1 + dense grids")
+    assert found == dict.fromkeys(without, 0) | {"linear + grids": 6, "8 x 1 + grids": 6}
+    made.train.grid_cells, made.train.hash_cells = [], []
+    assert "8 x 1 + grids" in {each.name for each in candidates.space(made, 9, 27)[0]}
 
 
 def test_a_target_that_no_net_reaches_is_an_error_after_the_report(tmp_path):

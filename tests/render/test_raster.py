@@ -15,7 +15,7 @@ from prtnet.render.gbuffer import from_faces, shade
 from prtnet.render.material import Material
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
-from tests.nets import random_grid, random_hash, random_net
+from tests.nets import random_grid, random_hash, random_net, random_texels
 from tests.render.meshes import atlas_uv, bilinear, quad, scene, sphere
 
 SIZE = 96
@@ -270,6 +270,21 @@ def test_a_net_with_grids_is_drawn_as_numpy_evaluates_it():
     assert np.percentile(np.abs(drawn - expected), 99.5) < 1e-4 * np.abs(expected).max()
     unbound = NetMethod(raster, glsl.emit(net), grids=net.grids[::-1], hashes=net.hashes).draw(EYE, light)
     assert np.percentile(np.abs(unbound - expected), 99.5) > 0.1 * np.abs(expected).max()
+
+
+def test_a_net_with_texels_is_drawn_as_numpy_evaluates_it():
+    raster, light = ball(), random_light(9)
+    net = random_net(bands=3, output="linear", grids=(random_grid(2, 3, 2, 4),), texels=(random_texels(12, 9, 8),))
+    features = {"grids": net.grids, "hashes": net.hashes}
+    drawn = NetMethod(raster, glsl.emit(net), **features, texels=net.texels).draw(EYE, light)
+    found = raster.gbuffer(EYE)
+    assert found.uv is not None
+    own = atlas_uv(raster.atlas, found.face, found.positions.astype(np.float64))
+    np.testing.assert_allclose(found.uv, own, rtol=0, atol=1e-4)
+    expected = shade(found, netspec.evaluate_unit(net, found.positions, found.normals, uv=found.uv), light)
+    assert np.percentile(np.abs(drawn - expected), 99.5) < 1e-3 * np.abs(expected).max()
+    turned = NetMethod(raster, glsl.emit(net), **features, texels=(net.texels[0][::-1],)).draw(EYE, light)
+    assert np.percentile(np.abs(turned - expected), 99.5) > 0.1 * np.abs(expected).max()
 
 
 def test_groups_that_agree_are_one():

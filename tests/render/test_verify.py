@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from prtnet.export import glsl, grid
+from prtnet.export import glsl, grid, texel_grid
 from prtnet.netspec import NetSpec
 from prtnet.render import verify
-from tests.nets import random_grid, random_hash, random_net
+from tests.nets import random_grid, random_hash, random_net, random_texels, random_uv
 
 HEADS = [
     {"activation": "leaky_relu", "output": "tanh"},
@@ -64,6 +64,26 @@ def test_hashed_grids_are_fetched_as_numpy_hashes(kind):
     assert verify.glsl_error(net, glsl.emit(net), positions, normals).highest <= verify.TOLERANCE
     wrong = glsl.emit(net).replace("805459861u", "805459863u")
     assert verify.glsl_error(net, wrong, positions, normals).highest > 0.1
+
+
+@pytest.mark.parametrize(("sizes", "kind"), [((7, 160), "float16"), ((1, 225), "float32"), ((4096, 2), "float16")])
+def test_texels_are_fetched_as_numpy_interpolates(sizes, kind):
+    """Sides that differ, one texel, corners, edges and middles of texels."""
+    texels = tuple(random_texels(x, 3, channels, kind) for x, channels in zip(sizes, (4, 12), strict=True))
+    net = random_net(width=16, hashes=(random_hash(8),), texels=texels)
+    positions, normals = verify.random_points(3000, np.random.default_rng(6))
+    uv = random_uv(3000)
+    uv[:4], uv[4:400] = [[0, 0], [0, 1], [1, 0], [1, 1]], np.round(uv[4:400] * 320) / 320
+    assert verify.glsl_error(net, glsl.emit(net), positions, normals, uv).highest <= verify.TOLERANCE
+    wrong = glsl.emit(net).replace("- 0.5 +", "- 0.49 +")
+    assert verify.glsl_error(net, wrong, positions, normals, uv).highest > verify.TOLERANCE
+
+
+def test_the_texture_of_texels_begins_at_the_bottom():
+    values = random_texels(5, 3, 8)
+    image = texel_grid.texels(values)
+    assert image.shape == (3, 10, 4)
+    np.testing.assert_array_equal(image[0, 2 * 3 + 1], values[2, 3, 4:])
 
 
 def test_the_texture_of_a_grid_has_blocks_of_four_channels():

@@ -37,13 +37,15 @@ def texels(image: Float[Array, "y x c"]) -> Float[Array, "y w 4"]:
 
 def declarations(net: NetSpec) -> list[str]:
     """GLSL before `prt_transfer`: nothing where there are no texels."""
-    lines = []
+    if not net.texels:
+        return []
+    lines = ["// uv: the point's place in the atlas that the net was trained with, in [0, 1]^2, v up"]
     for index, image in enumerate(net.texels):
         y, x, channels = image.shape
         what = f"{channels} channels at {x} x {y} places of the atlas: {x * quads(channels)} x {y} texels"
         lines += [f"// texels.{index} of the net's file, {what}, RGBA{8 * image.itemsize}F"]
         lines += [f"uniform highp sampler2D {name(index)};"]
-    return [*lines, *_FETCH.split("\n")] if net.texels else []
+    return [*lines, *_FETCH.split("\n")]
 
 
 def statements(net: NetSpec, names: list[str]) -> Iterator[str]:

@@ -83,16 +83,14 @@ def _speed(net: NetSpec) -> dict[str, float]:
     import torch
 
     from prtnet.export import glsl
-    from prtnet.models import of_spec
-    from prtnet.models.recipe import ModelOptions, TrainOptions
+    from prtnet.models.inference import Inference
     from prtnet.render import verify
 
     torch.set_num_threads(1)
     positions, normals = _points(512)
     (drawn,) = verify.passes(net, glsl.emit(net), verify.textures(net, positions, normals))
-    head = TrainOptions(grid_cells=[], hash_cells=[])
-    module = of_spec.of_spec(net, ModelOptions(net.weights[0].shape[0], len(net.weights) - 1), head)
-    pairs = [(*_cpu(drawn.draw, 1), *_cpu(lambda: of_spec.transfer(module, positions, normals), 1)) for _ in range(5)]
+    module = Inference(net)
+    pairs = [(*_cpu(drawn.draw, 1), *_cpu(lambda: module(positions, normals), 1)) for _ in range(5)]
     shader, ours = np.median(np.array(pairs), axis=0)
     ratio = float(np.median([there / here for here, there in pairs]))
     name = "512^2, CPU-ms"

@@ -97,6 +97,7 @@ class RenderOptions:
     traced_directions: int = 4096  # rays per pixel of the reference
     exact_samples: int = 0  # directions per pixel of a second reference without SH; 0 = none
     exact_views: int = 2  # that have one
+    net: str = "auto"  # what draws it: its shader, deferred (the CPU), or auto = the CPU above 60 000 multiply-adds
     # of the pictures that are shown, never of what is scored
     tone: str = "linear"  # or the curves reinhard, exposure
     bloom: float = 0.0  # share of the light above white that spreads, 0 to 1

@@ -111,6 +111,12 @@ class Target:
         data = self.framebuffer.read(components=4, attachment=layer, dtype="f4")
         return np.frombuffer(data, np.float32).reshape(height, width, 4)[::-1].copy()
 
+    def write(self, image: Float[np.ndarray, "h w 4"]) -> None:
+        """Inverse of `read`, of the first layer."""
+        texture = self.framebuffer.color_attachments[0]
+        assert isinstance(texture, moderngl.Texture)
+        texture.write(_bytes(image, np.float32))
+
 
 def target(width: int, height: int, layers: int = 1, *, depth: bool = False) -> Target:
     """A new `Target`. Depth is 32 bit floating point. Raises PrtnetError above the driver's largest size."""

@@ -173,10 +173,7 @@ def evaluate_unit(
     Inputs are rounded to float32, as every exported form receives them, and all sums are taken in float64, or those of
     the layers in float32, about twice as fast and to about 1e-6, where `sums` says so.
     """
-    if uv is None and net.texels:
-        raise PrtnetError(
-            "net texels: found no uv, expected the place of each point in the atlas of the net's training"
-        )
+    check_uv(net, uv)
     # where there are no texels to look up, any will do
     places = np.zeros((len(positions), 2)) if uv is None else uv
     out = np.empty((len(positions), net.groups * sh.count(net.bands)), np.float64)
@@ -185,6 +182,15 @@ def evaluate_unit(
         inputs = _rounded(positions[part]), _rounded(normals[part]), _rounded(places[part])
         out[part] = _evaluate_chunk(net, *inputs, sums)
     return out.astype(np.result_type(positions, np.float32), copy=False)
+
+
+def check_uv(net: NetSpec, uv: Float[Array, "n 2"] | None) -> None:
+    """Raises PrtnetError where the net has texels and nobody says where in the atlas the points are."""
+    if uv is None and net.texels:
+        raise PrtnetError(
+            "net texels: found no uv, expected the place of each point in the atlas of the net's training"
+        )
+    # where there are no texels to look up, any will do
 
 
 def _rounded(x: Array) -> Array:

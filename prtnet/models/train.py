@@ -6,8 +6,7 @@ learning rate from the step, and all else is in the checkpoint, so a killed run 
 
 import logging
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -20,6 +19,7 @@ from jaxtyping import Float
 from prtnet import PrtnetError, netspec
 from prtnet.models import checkpoint, optimiser, patience
 from prtnet.models.board import Board
+from prtnet.models.inference import one_thread
 from prtnet.models.mlp import ModelOptions
 from prtnet.models.patience import Patience
 from prtnet.models.recipe import TrainOptions
@@ -66,7 +66,7 @@ def train(
     `centre` and `scale` only go into the net: they take file coordinates to the unit positions given here. The last
     checkpoint stays, finished; delete it once the net is kept. Raises PrtnetError where the loss diverges.
     """
-    with _one_thread():
+    with one_thread():
         points, kept_back = patience.split(points) if options.patience else (points, None)
         run = Run(points, model, options, steps)
         patient = Patience(run, kept_back)
@@ -99,7 +99,7 @@ def train(
 def calibrate(points: Points, *, model: ModelOptions, options: TrainOptions) -> float:
     """Training steps per CPU-second on this machine (on CUDA: per second): the median of blocks after a warm-up."""
     blocks, length = 7, 10
-    with _one_thread():
+    with one_thread():
         run = Run(points, model, options, steps=(blocks + 1) * length)
         rates = []
         for _ in range(blocks + 1):
@@ -108,17 +108,6 @@ def calibrate(points: Points, *, model: ModelOptions, options: TrainOptions) -> 
                 run.advance()
             rates.append(length / max(run.cpu_seconds - before, 1e-9))
     return median(rates[1:])
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """One torch thread: more only wait for each other on layers this small."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 class _Watch:

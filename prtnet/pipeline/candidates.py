@@ -32,7 +32,7 @@ GRIDS: dict[str, dict[str, Any]] = {
 
 
 def space(config: Config, outputs: int, shading: int) -> tuple[list[Candidate], list[Candidate]]:
-    """The candidates of a job, and those that would be some but for being too large for literals.
+    """The candidates of a job, and those that would be some but for being too large for the storage of the export.
 
     `outputs`: coefficients of all groups; `shading`: multiply-adds of a pixel besides those of the net.
     """

@@ -12,8 +12,9 @@ from prtnet import PrtnetError, gl, netspec, store
 from prtnet.export import bundle, certificate, form, gltf, limits, texture_file, vertices
 from prtnet.export.bundle import Bundle
 from prtnet.export.form import Form
-from prtnet.models import of_spec
+from prtnet.models.inference import Inference
 from prtnet.netspec import NetSpec
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.candidates import form_of
 from prtnet.pipeline.job import Job
@@ -35,6 +36,7 @@ class Exported:
 
     drawn: Bundle | None
     facts: Mapping[str, Any]
+    drawn_by: str = drawn_by.SHADER  # or DEFERRED
 
 
 def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
@@ -69,7 +71,8 @@ def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
     log.info("export: %s, %s; errors at most: %s", made.form.storage, measured.get("device", "not run"), words)
     # uniform blocks are not run: what is drawn has the same weights
     drawn = made if measured["executed"] else bundle.bundle(trained.net, Form(), _driver())
-    return Exported(drawn, {**facts["net"], "agreement": _agreement(measured)})
+    by = drawn_by.chosen(job.config.render.net, drawn.net)
+    return Exported(drawn, {**facts["net"], "agreement": _agreement(measured)}, by)
 
 
 def _made(net: NetSpec, wanted: Form) -> tuple[Bundle, str]:
@@ -114,7 +117,7 @@ def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> di
         where = certify.Points(positions, normals, uv)
         facts = certify.errors_and_timing(made, trained.net, where)
         facts["points"] = {"cube": count, "scene": len(few)}
-        facts["errors"]["torch"] = _torch_error(job, trained.net, where)
+        facts["errors"]["torch"] = _torch_error(trained.net, where)
         return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
@@ -128,10 +131,8 @@ def _checked(made: Bundle) -> int:
     return int(np.clip(CHECKED_POINTS * form.AUTO_LITERAL_MACS // (4 * macs), 1 << 10, 1 << 12))
 
 
-def _torch_error(job: Job, net: NetSpec, points: certify.Points) -> dict[str, float]:
-    module = of_spec.of_spec(net, job.config.model, job.config.train)
-    found = of_spec.transfer(module, points.positions, points.normals, points.uv)
-    error = np.abs(found - points.evaluated(net))
+def _torch_error(net: NetSpec, points: certify.Points) -> dict[str, float]:
+    error = np.abs(Inference(net)(points.positions, points.normals, points.uv) - points.evaluated(net))
     return {"max": float(error.max()), "mean": float(error.mean())}
 
 

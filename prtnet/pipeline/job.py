@@ -18,7 +18,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
-from prtnet.pipeline import candidates
+from prtnet.pipeline import candidates, drawn_by
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
@@ -170,6 +170,7 @@ def _check_atlas(config: Config) -> None:
 
 def _check_export(config: Config) -> None:
     """A net that cannot be exported is not trained, unless nobody asks for its export."""
+    drawn_by.check(config.render.net)
     form, outputs = candidates.form_of(config), _groups(config) * sh.count(config.transfer.bands)
     if "size" in config.stages:
         candidates.check(config, outputs, _shading_macs(config))

@@ -7,10 +7,12 @@ from typing import Any
 from prtnet import netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
+from prtnet.render.deferred import DeferredMethod
 from prtnet.render.lit import LitTextureMethod
 from prtnet.render.method import NetMethod, Shaded, TextureMethod
 from prtnet.render.raster import Raster
@@ -34,7 +36,7 @@ def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported
     if baked.lit:
         made["lit_texture"] = _lit_texture(job, baked.lit, drawing)
     if baked.points and trained and exported.drawn:
-        made["net"] = _net(job, baked.points, trained, exported.drawn, drawing)
+        made["net"] = _net(job, baked.points, trained, exported.drawn, exported.drawn_by, drawing)
     return made
 
 
@@ -107,13 +109,15 @@ def _vertex(job: Job, baked: BakedMesh) -> Drawn:
     return Drawn(VertexMethod(baked.mesh, baked.transfer, size, material=job.material, groups=job.groups), costs)
 
 
-def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, drawing: Raster) -> Drawn:
+def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, by: str, drawing: Raster) -> Drawn:
     costs = {
         "macs": netspec.macs(trained.net) + job.shading_macs,
         "bytes": netspec.byte_count(trained.net),
         "bake_seconds": points.training.facts["seconds"],
         "train_seconds": trained.facts["cpu_seconds"],
     }
+    if by == drawn_by.DEFERRED:
+        return Drawn(DeferredMethod(drawing, exported.net, material=job.material), lambda pixels: costs)
     shaded = NetMethod(
         drawing,
         exported.transfer,

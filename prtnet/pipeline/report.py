@@ -8,6 +8,7 @@ import numpy as np
 from prtnet import netspec, score, sh, store
 from prtnet.chart import lobes, plot, sheet, tables
 from prtnet.chart import report as pages
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -138,6 +139,7 @@ def _net_facts(points: NetPoints, trained: Trained, exported: Exported) -> dict[
         "transfer RMSE, vertices": trained.facts["vertices_rmse"],
         "multiply-adds of the net": exported.facts["macs"],
         "bytes of the net": exported.facts["bytes"],
+        "net drawn by": "its shader" if exported.drawn_by == drawn_by.SHADER else "the CPU, from the G-buffer",
         "shader against NumPy, worst coefficient": exported.facts["agreement"],
     }
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import console, score
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
@@ -27,7 +28,8 @@ Image = Float[Array, "h w 3"]
 
 SHOWN_VIEWS = 8  # kept for the contact sheet
 TIMED_FRAMES = 7
-SHOWN_ONLY = ("tone", "bloom", "highlights", "pictures")  # keys of `render` that no score depends on
+# keys of `render` that no score depends on, but for `net`, whose meaning is in the inputs by itself
+UNSCORED = ("tone", "bloom", "highlights", "pictures", "net")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
     methods and `traced` against `exact`."""
     bands_light, _ = job.material.orders(job.config.transfer.bands)
     coefficients = job.light.coefficients(bands_light)
+    shown = exported.drawn_by == drawn_by.SHADER
     inputs = job.scene_key | {
         "methods": job.config.methods,
         "texture": baked.texture.key,
@@ -50,10 +53,10 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "atlas": asdict(job.config.atlas),
         "vertex": baked.mesh and baked.mesh.key,
         "net": trained and trained.key,
-        "shader": exported.drawn and exported.drawn.transfer,
+        "shader": exported.drawn and (exported.drawn.transfer if shown else drawn_by.DEFERRED),
         "light": coefficients.tolist(),
         "material": asdict(job.material),
-        "render": {key: value for key, value in asdict(job.config.render).items() if key not in SHOWN_ONLY},
+        "render": {key: value for key, value in asdict(job.config.render).items() if key not in UNSCORED},
         "camera": job.config.scene.camera,
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
         "columns": list(score.KEYS),

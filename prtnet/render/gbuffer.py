@@ -102,9 +102,22 @@ def shade(
     `groups` and `incident` as in `radiance`.
     """
     image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
+    image[gbuffer.pixel] = colours(gbuffer, transfer, light, material, groups=groups, incident=incident)
+    return image.reshape(gbuffer.size, gbuffer.size, 3)
+
+
+def colours(
+    gbuffer: GBuffer,
+    transfer: Float[Array, "n c"],
+    light: Float[Array, "kj 3"],
+    material: Material = DIFFUSE,
+    *,
+    groups: int = 1,
+    incident: Float[Array, "n k 3"] | None = None,
+) -> Float[Array, "n 3"]:
+    """`shade` of the covered pixels alone, in the order of `pixel`."""
     towards = np.asarray(gbuffer.eye) - gbuffer.positions.astype(np.float64)
     own = reflectance.of_points(material, gbuffer.parts, gbuffer.part, gbuffer.roughness)
-    image[gbuffer.pixel] = radiance(
+    return radiance(
         material, gbuffer.albedo, transfer, light, gbuffer.normals, towards, own, groups=groups, incident=incident
     )
-    return image.reshape(gbuffer.size, gbuffer.size, 3)

@@ -50,18 +50,22 @@ class Shaded:
         material = self.material
         self._light: Array | None = None
         self._per_light = material.glossy and material.product == "fixed_light"
-        self.light_counts, self.light_layers = self.coefficients, self.layers
-        if material.light_bands:
-            count = sh.count(material.light_bands)
-            # where the light is the shorter one it is padded
-            self.light_counts = range(count, count + 1)
-            self.light_layers = max(self.layers, gl.layer_count(count))
+        self._count_light()
         if not self._per_light:
             function = ""
             if material.glossy:
                 bands_light, _ = material.orders(self._bands())
                 function = gloss.full(self._lobe(), self._bands(), bands_light)
             self._compile(function)
+
+    def _count_light(self) -> None:
+        """The counts of coefficients that a light may have, and the layers that hold them."""
+        self.light_counts, self.light_layers = self.coefficients, self.layers
+        if self.material.light_bands:
+            count = sh.count(self.material.light_bands)
+            # where the light is the shorter one it is padded
+            self.light_counts = range(count, count + 1)
+            self.light_layers = max(self.layers, gl.layer_count(count))
 
     def _lobe(self) -> gloss.Lobe:
         """s_l for as many bands as the radiance has, or that number where exponents vary."""
@@ -140,8 +144,7 @@ class Shaded:
 
         Raises PrtnetError where its bands are not those of the transfer.
         """
-        if len(light) not in self.light_counts:
-            raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {self.light_counts[-1]}")
+        self._check_light(light)
         padded = np.zeros((4 * self.light_layers, 3), np.float32)
         padded[: len(light)] = light
         if self._per_light and (self._light is None or not np.array_equal(self._light, padded)):
@@ -153,6 +156,10 @@ class Shaded:
         # compilers leave out the end of an array that nothing reads
         held = getattr(self.program.get("light", None), "array_length", 0)
         gl.put(self.program, light=padded[: 4 * held])
+
+    def _check_light(self, light: Float[Array, "k 3"]) -> None:
+        if len(light) not in self.light_counts:
+            raise PrtnetError(f"light: found {len(light)} SH coefficients, expected {self.light_counts[-1]}")
 
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""

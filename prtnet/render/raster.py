@@ -47,12 +47,11 @@ class Group:
 
 
 class Raster:
-    """A scene on the graphics card and a square frame to draw it into."""
+    """A scene on the graphics card and a frame to draw it into, square unless it is resized."""
 
     def __init__(self, atlas: Atlas, size: int):
-        self.atlas, self.size = atlas, size
-        self.scene = atlas.scene.centred()
-        self.target = gl.target(size, size, depth=True)
+        self.atlas, self.scene = atlas, atlas.scene.centred()
+        self.resize(size, size)
         self._attributes = _attributes(self.scene, atlas)
         # faces in the order they are drawn
         self.order, self._groups = _groups(self.scene, atlas.page_of_face)
@@ -64,6 +63,10 @@ class Raster:
         self._ids_draw = gl.context().vertex_array(self._ids, [(self._corners, "3f", "in_position")])
         self._albedo = self.program(gl.shader("albedo.glsl") + gl.shader("albedo.frag.glsl"))
         self._albedo_draws = self.draws(self._albedo)
+
+    def resize(self, width: int, height: int) -> None:
+        """A new frame of `width` x `height` pixels. `size` is the height, which a camera's angle spans."""
+        self.target, self.size, self.aspect = gl.target(width, height, depth=True), height, width / height
 
     def program(self, fragment: str, vertex: str = "", **defines: object) -> moderngl.Program:
         """A fragment shader for the colour pass, joined to the vertex shader that all passes share, which may run a
@@ -92,7 +95,7 @@ class Raster:
         """Draw into the frame, calling `before` ahead of each group. Without `prepass` all fragments that are nearest
         so far are shaded: the plain twin."""
         context, framebuffer = gl.context(), self.target.framebuffer
-        matrix = camera.matrix().T
+        matrix = camera.matrix(self.aspect).T
         self._begin()
         if prepass:
             gl.put(self._depth, camera=matrix)
@@ -120,7 +123,7 @@ class Raster:
     def faces(self, camera: Camera) -> Float32[Array, "h w 4"]:
         """(face + 1, b1, b2, 1): the face of atlas.scene that each pixel shows, and where on it; 0 where none."""
         self._begin()
-        gl.put(self._ids, camera=camera.matrix().T)
+        gl.put(self._ids, camera=camera.matrix(self.aspect).T)
         self._ids_draw.render(moderngl.TRIANGLES)
         image = self.target.read()
         shown = image[..., 0] > 0

@@ -337,8 +337,9 @@ def test_lit_textures_need_light_between_surfaces(tmp_path):
 LARGE = {"model__width": 200, "model__depth": 4, "export__storage": "literal"}
 
 
-@pytest.mark.parametrize("changes", [LARGE, {"train__grid_cells": [[8, 8]]}])
+@pytest.mark.parametrize("changes", [LARGE, {"render__net": "cuda"}, {"train__grid_cells": [[8, 8]]}])
 def test_a_net_that_cannot_be_exported_is_refused_before_any_work(tmp_path, changes):
-    with pytest.raises(PrtnetError, match=r"padded multiply-adds, expected at most 60000|train.grid_cells: found"):
+    expected = r"padded multiply-adds, expected at most 60000|render.net: found 'cuda'|train.grid_cells: found"
+    with pytest.raises(PrtnetError, match=expected):
         run(config(tmp_path, **changes))
     assert not list(tmp_path.iterdir())

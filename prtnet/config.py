@@ -11,7 +11,7 @@ from hydra.core.config_store import ConfigStore
 from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
-STAGES = ("bake", "size", "train", "export", "score")
+STAGES = ("bake", "size", "train", "export", "score", "view")
 METHODS = ("texture", "vertex", "net", "lit_texture")
 
 
@@ -146,8 +146,9 @@ class Config:
     render: RenderOptions = field(default_factory=RenderOptions)
     export: ExportOptions = field(default_factory=ExportOptions)
     size: SizeOptions = field(default_factory=SizeOptions)
-    # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named
-    stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage != "size"])
+    # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named;
+    # view, a window, needs what export does
+    stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage not in ("size", "view")])
     methods: list[str] = field(default_factory=lambda: ["texture", "vertex", "net"])  # or lit_texture, with bounces
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out

@@ -10,7 +10,8 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -58,6 +59,24 @@ def _create() -> moderngl.Context:
     return made
 
 
+@contextmanager
+def adopted(opened: Callable[[], moderngl.Context]) -> Iterator[None]:
+    """A block in which everything is drawn with a window's context, which `opened` makes.
+
+    A thread has one current context: the headless one is left before the window opens, and after the block another is
+    made where one is needed. What was uploaded to either stays behind in it.
+    """
+    if getattr(_cache, "process", None) == os.getpid():
+        _cache.context.__exit__(None, None, None)
+    _cache.process = None
+    try:
+        _cache.context = opened()
+        _cache.context.gc_mode, _cache.process = "context_gc", os.getpid()
+        yield
+    finally:
+        _cache.process = None
+
+
 def shader(name: str) -> str:
     """The text of a file in render/shaders, without its version line (`program` writes that)."""
     return (SHADERS / name).read_text()
@@ -101,14 +120,19 @@ class Target:
     def layers(self) -> int:
         return len(self.framebuffer.color_attachments)
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height: a window's frame buffer is as large as what is drawn of it."""
+        return self.framebuffer.viewport[2], self.framebuffer.viewport[3]
+
     def clear(self) -> None:
         self.framebuffer.use()
         self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
 
     def read(self, layer: int = 0) -> Float[np.ndarray, "h w 4"]:
         """Inverse of drawing: the pixels, row 0 on top."""
-        width, height = self.framebuffer.size
-        data = self.framebuffer.read(components=4, attachment=layer, dtype="f4")
+        width, height = self.size
+        data = self.framebuffer.read((width, height), components=4, attachment=layer, dtype="f4")
         return np.frombuffer(data, np.float32).reshape(height, width, 4)[::-1].copy()
 
     def write(self, image: Float[np.ndarray, "h w 4"]) -> None:
@@ -128,6 +152,13 @@ def target(width: int, height: int, layers: int = 1, *, depth: bool = False) -> 
     colours = [context().texture((width, height), 4, dtype="f4") for _ in range(layers)]
     depth_texture = context().depth_texture((width, height)) if depth else None
     return Target(context().framebuffer(colours, depth_texture))
+
+
+def screen(width: int, height: int) -> Target:
+    """The frame buffer of the window whose context is adopted, which has that size now."""
+    framebuffer = context().screen
+    framebuffer.viewport = (0, 0, width, height)
+    return Target(framebuffer)
 
 
 def fullscreen(program: moderngl.Program, target: Target) -> None:

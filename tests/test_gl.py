@@ -23,6 +23,32 @@ def test_one_context_per_thread():
     assert found[0] is not gl.context()
 
 
+def test_a_windows_context_is_drawn_with_until_it_closes():
+    """In a thread, whose contexts are its own."""
+    found = []
+
+    def failing() -> moderngl.Context:
+        raise PrtnetError("no window")
+
+    def draw() -> None:
+        before = gl.context()
+        gl.target(4, 4).clear()
+        with gl.adopted(gl._create):
+            inside, target = gl.context(), gl.target(4, 4)
+            gl.fullscreen(gl.program(gl.shader("fullscreen.vert.glsl"), UV), target)
+            found.append(target.read()[..., 3].min())
+            assert gl.context() is inside
+        with pytest.raises(PrtnetError, match="no window"), gl.adopted(failing):
+            pass
+        gl.target(4, 4).clear()
+        found.append(len({id(each) for each in (before, inside, gl.context())}))
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    thread.join()
+    assert found == [1, 3]
+
+
 def test_missing_libraries_name_the_line_to_type(monkeypatch):
     monkeypatch.setattr(gl, "_cache", threading.local())
     monkeypatch.setitem(gl.EGL, "libegl", "libNoSuchEGL.so.1")

@@ -17,6 +17,7 @@ ROWS = [
     {"render"},
     {"score"},
     {"size"},
+    {"view"},
     {"chart"},
     {"config"},
     {"pipeline"},

@@ -2,6 +2,7 @@
 
 `stages` names what is wanted; what the wanted needs is made as well where it is missing. The same command again finds
 everything and only prints. `size` is made only where it is named, and chooses the network of the stages after it.
+`view` comes last, and only where it is named: a window on what was exported.
 """
 
 from pathlib import Path
@@ -35,7 +36,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
         from prtnet.pipeline.export import export
 
         exported = export(job, baked, network)
-        if last >= STAGES.index("score"):
+        if "score" in config.stages:
             from prtnet.pipeline.pictures import write_pictures
             from prtnet.pipeline.report import report
             from prtnet.pipeline.score import score_methods
@@ -49,3 +50,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
                 if network:
                     log_point(job, sweep_point, scored, network)
                 summarise(job.out.parents[len(Path(sweep_point).parts) - 1], sweep_command)
+        if "view" in config.stages:
+            from prtnet.pipeline.view import view
+
+            view(job, baked, network, exported)

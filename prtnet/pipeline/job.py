@@ -23,6 +23,7 @@ from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
 from prtnet.store import Store, write_text
+from prtnet.view import window
 
 log = logging.getLogger(__name__)
 
@@ -174,7 +175,7 @@ def _check_export(config: Config) -> None:
     form, outputs = candidates.form_of(config), _groups(config) * sh.count(config.transfer.bands)
     if "size" in config.stages:
         candidates.check(config, outputs, _shading_macs(config))
-    elif "net" in config.methods and {"export", "score"} & set(config.stages):
+    elif "net" in config.methods and {"export", "score", "view"} & set(config.stages):
         form.of_sizes(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
 
 
@@ -218,6 +219,8 @@ def _check(config: Config) -> None:
         raise PrtnetError(
             "methods: found lit_texture, which keeps light between surfaces, expected transfer.transport=interreflected"
         )
+    if "view" in config.stages:
+        window.check()
     recipe.check(config.train)
     _material(config)
     _display(config)

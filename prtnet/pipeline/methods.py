@@ -30,14 +30,21 @@ class Drawn:
 
 def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster) -> dict[str, Drawn]:
     """By name, the texture first."""
-    made = {"texture": _texture(job, baked, drawing)}
-    if baked.mesh:
-        made["vertex"] = _vertex(job, baked.mesh)
-    if baked.lit:
-        made["lit_texture"] = _lit_texture(job, baked.lit, drawing)
-    if baked.points and trained and exported.drawn:
-        made["net"] = _net(job, baked.points, trained, exported.drawn, exported.drawn_by, drawing)
-    return made
+    return {name: make() for name, make in makers(job, baked, trained, exported, drawing).items()}
+
+
+def makers(
+    job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster
+) -> dict[str, Callable[[], Drawn]]:
+    """What makes each of `make_all` when it is called."""
+    found = {"texture": lambda: _texture(job, baked, drawing)}
+    if mesh := baked.mesh:
+        found["vertex"] = lambda: _vertex(job, mesh)
+    if lit := baked.lit:
+        found["lit_texture"] = lambda: _lit_texture(job, lit, drawing)
+    if (points := baked.points) and (net := trained) and (drawn := exported.drawn):
+        found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
+    return found
 
 
 def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:

@@ -124,14 +124,14 @@ def _orbit(scene: Scene, tracer: Tracer, views: int) -> list[Camera]:
     fits = np.array([_fitting_distance(kept - middle, direction) for direction in away])
     cameras: list[Camera] = []
     for nearer in np.linspace(1, 0.6, 21):
-        cameras = [_look(middle + nearer * fit * way, middle, ORBIT_FOV) for fit, way in zip(fits, away, strict=True)]
+        cameras = [look(middle + nearer * fit * way, middle, ORBIT_FOV) for fit, way in zip(fits, away, strict=True)]
         shown = np.mean([coverage(scene, tracer, camera) for camera in cameras[:: max(1, views // 8)]])
         if shown >= COVERAGE:
             break
-    return [_before(camera, points) for camera in cameras]
+    return [before(camera, points) for camera in cameras]
 
 
-def _before(camera: Camera, points: Float[Array, "n 3"]) -> Camera:
+def before(camera: Camera, points: Float[Array, "n 3"]) -> Camera:
     """The camera with its near plane moved up to the vertices, of which it cuts off none: a depth buffer tells
     distances apart by their ratio to that plane's, and faces that all but touch need all it has."""
     depth = (np.array(camera.eye) - points) @ camera.basis()[2]
@@ -146,7 +146,8 @@ def _fitting_distance(points: Float[Array, "n 3"], direction: Float[Array, " 3"]
     return float(np.percentile(needed, 100 - OUTLIERS / 2)) * 1.03
 
 
-def _look(eye: Float[Array, " 3"], target: Float[Array, " 3"], fov_y: float) -> Camera:
+def look(eye: Float[Array, " 3"], target: Float[Array, " 3"], fov_y: float) -> Camera:
+    """A camera that cuts nothing off the scene."""
     # the far plane clears the cube [-1, 1]^3 from wherever the eye is
     far = float(np.linalg.norm(eye)) + 2.0
     return Camera(_point(eye), _point(target), fov_y=fov_y, near=far / 2000, far=far)
@@ -227,7 +228,7 @@ def _inside(scene: Scene, tracer: Tracer, views: int) -> list[Camera]:
     eyes, targets = middle + 0.75 * own * way, middle - 0.5 * across * way
     # more of the floor than of the ceiling
     targets[:, 1] -= 0.2 * np.linalg.norm(eyes - targets, axis=1)
-    return [_look(eye, target, INSIDE_FOV) for eye, target in zip(eyes, targets, strict=True)]
+    return [look(eye, target, INSIDE_FOV) for eye, target in zip(eyes, targets, strict=True)]
 
 
 def _widest(scene: Scene, tracer: Tracer) -> tuple[_Floor, Float64[Array, "1 3"]]:

@@ -30,6 +30,10 @@ class DeferredMethod(Shaded):
         self._infer, self._lit = Inference(net), np.zeros((count, 3), np.float32)
         self._count_light()
 
+    def set_material(self, material: Material) -> None:
+        """Another material."""
+        self.material = material
+
     def set_light(self, light: Float[Array, "k 3"]) -> None:
         """Keep a light. Raises PrtnetError where its bands are not those of the transfer."""
         self._check_light(light)
@@ -40,7 +44,7 @@ class DeferredMethod(Shaded):
         gbuffer = self.raster.gbuffer(camera)
         transfer = self._infer(gbuffer.positions, gbuffer.normals, gbuffer.uv)
         colours = gbuffers.colours(gbuffer, transfer, self._lit, self.material, groups=self.groups)
-        width, height = self.raster.target.framebuffer.size
+        width, height = self.raster.target.size
         image = np.zeros((height * width, 4), np.float32)
         image[gbuffer.pixel, :3], image[gbuffer.pixel, 3] = colours, 1
         self.raster.target.write(image.reshape(height, width, 4))

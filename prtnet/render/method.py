@@ -42,7 +42,7 @@ class Shaded:
         self.raster, self.coefficients, self.material, self.groups = raster, coefficients, material, groups
         self.layers = gl.layer_count(coefficients[-1])
         self._source, self._transfer = source, transfer
-        self._attributes = reflectance.attributes(material, raster.scene)
+        self._attributes = self._reflected()
         self._prepare()
 
     def _prepare(self) -> None:
@@ -57,6 +57,18 @@ class Shaded:
                 bands_light, _ = material.orders(self._bands())
                 function = gloss.full(self._lobe(), self._bands(), bands_light)
             self._compile(function)
+
+    def _reflected(self) -> dict[str, Float32[Array, "v c"]]:
+        """What points reflect, as vertex attributes."""
+        return reflectance.attributes(self.material, self.raster.scene)
+
+    def set_material(self, material: Material) -> None:
+        """Other weights and exponents in the same program. This material and the last must differ between points."""
+        assert material.varies
+        assert self.material.varies
+        self.material = material
+        self._attributes = self._reflected()
+        self.draws = self.raster.draws(self.program, self._attributes)
 
     def _count_light(self) -> None:
         """The counts of coefficients that a light may have, and the layers that hold them."""

@@ -46,9 +46,12 @@ class VertexMethod(Shaded):
         self.coefficients = range(channels, channels + 1)
         image = pack(transfer, gl.context().info["GL_MAX_TEXTURE_SIZE"], groups)
         self.texture, self._per_row = gl.upload(image), image.shape[1] // (groups * self.layers)
-        own = reflectance.at_vertices(material, self.raster.scene)
-        self._attributes = reflectance.as_attributes(own) if own else {}
+        self._attributes = self._reflected()
         self._prepare()
+
+    def _reflected(self) -> dict[str, Float32[Array, "v c"]]:
+        own = reflectance.at_vertices(self.material, self.raster.scene)
+        return reflectance.as_attributes(own) if own else {}
 
     def _compile(self, gloss_function: str) -> None:
         own = bool(self._attributes)

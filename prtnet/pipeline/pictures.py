@@ -47,7 +47,8 @@ def write_pictures(job: Job, baked: Baked, trained: Trained | None, exported: Ex
 
 def _frames(job: Job, baked: Baked, trained: Trained | None, exported: Exported) -> Mapping[str, Float[Array, "h w 3"]]:
     """The first view of the references and of every method, linear RGB, the light mirrored in it where it shall be."""
-    coefficients = job.light.coefficients(job.config.transfer.bands)
+    bands_light, _ = job.material.orders(job.config.transfer.bands)
+    coefficients = job.light.coefficients(bands_light)
     drawing = Raster(baked.texture.atlas, job.config.render.size)
     first = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity, most=1))[0]
     frames = {"traced": first.reference} | ({} if first.exact is None else {"exact": first.exact})

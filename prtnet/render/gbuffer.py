@@ -32,8 +32,9 @@ class GBuffer:
     albedo: Float32[Array, "n 3"]
     # face of atlas.scene
     face: Int32[Array, " n"]
-    # row * size + column, row 0 on top, ascending
+    # row * width + column, row 0 on top, ascending
     pixel: Int[Array, " n"]
+    # rows of the frame, and its columns where it is square
     size: int
     # in unit coordinates
     eye: Point

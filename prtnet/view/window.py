@@ -99,7 +99,8 @@ class Viewer:
         window.mouse_position_event_func = lambda x, y, dx, dy: self._on_mouse(x)
         window.mouse_drag_event_func = self._on_drag
         window.mouse_scroll_event_func = lambda dx, dy: self.state.scroll(dy)
-        window._window.push_handlers(on_expose=self._on_expose)
+        # arrows that are let go over another window would turn on and on
+        window._window.push_handlers(on_expose=self._on_expose, on_deactivate=self._held.clear)
 
     def loop(self) -> None:
         """Until the window is closed."""
@@ -110,7 +111,8 @@ class Viewer:
                     self.state.key(name)
             if self._window.is_closing:
                 break
-            if self._now() == self._drawn:
+            # a window that is put away may have no pixels
+            if self._now() == self._drawn or min(self._window.buffer_size) < 1:
                 time.sleep(PAUSE)
             else:
                 self._draw()

@@ -48,6 +48,12 @@ def test_pictures_are_written_once(finished):
     assert run_again() == run_again()
 
 
+def test_a_light_with_bands_of_its_own_is_shown(finished):
+    glossy = {"material__specular": [0.5, 0.5, 0.5], "material__light_bands": 2}
+    run(config(finished / "bands", cache=str(finished / "cache"), **SMALL, **glossy, render__pictures=True))
+    assert shown(finished / "bands").any()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

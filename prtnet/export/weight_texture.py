@@ -45,6 +45,8 @@ def layers(net: NetSpec, names: list[str], count: int) -> Iterator[str]:
     sizes = [len(names), *(len(form.padded(net, layer)[1]) // 4 for layer in range(count))]
     yield f"int one = min(textureSize({NAME}, 0).x, 1);"
     yield f"vec4 x0[{sizes[0]}];"
+    # without these zeros llvmpipe takes ten times as long to compile a wide net with grids
+    yield f"for (int i = 0; i < {sizes[0]} * one; ++i) x0[i] = vec4(0.0);"
     for i, group in enumerate(names):
         yield f"x0[{i}] = {group};"
     first = 0

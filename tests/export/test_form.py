@@ -134,8 +134,7 @@ def test_every_storage_is_valid_in_every_version(version, storage):
     for fields in [*nets, {"depth": 0, "output": "linear", "encoding": "identity", "hashes": (random_hash(8),)}]:
         net = random_net(**fields)
         text = glsl.emit(net, version=version, storage=storage)
-        wholes = [glsl.around(net, text)]
-        wholes += [shading.around(net, text + shading.functions(net), glossy=glossy) for glossy in (False, True)]
+        wholes = [shading.around(net, text + shading.functions(net), glossy=True)]
         if fold.can_fold(net):
             folded = fold.irradiance(net, Form(version, storage)) + shading.diffuse_on_irradiance(net)
             wholes.append(shading.around(net, folded))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prtnet import PrtnetError, netspec, score
+from prtnet import PrtnetError, netspec
 from prtnet.export import certificate, form, weight_texture
 from prtnet.export.bundle import NAMES, WEIGHTS
 from prtnet.export.form import Form
@@ -24,10 +24,10 @@ def base(tmp_path_factory):
     return out
 
 
-def exported(base: Path, out: Path, stages=("export",), **options: object) -> dict:
+def exported(base: Path, out: Path, **options: object) -> dict:
     """The certificate of the same network in another form."""
     changes = {f"export__{key}": value for key, value in options.items()}
-    made = config(out, stages=list(stages), methods=["texture", "net"], cache=str(base / "cache"), **changes)
+    made = config(out, stages=["export"], methods=["texture", "net"], cache=str(base / "cache"), **changes)
     run(made)
     return certificate.check(out)
 
@@ -53,8 +53,8 @@ def test_the_certificate_of_literals(base):
     assert found["timing"]["frame"][0] ** 2 >= found["points"]["cube"]
 
 
-def test_a_weight_texture_in_half_precision_is_exported_and_scored(base, tmp_path):
-    found = exported(base, tmp_path, ("export", "score"), storage="texture", precision="float16", version="300 es")
+def test_a_weight_texture_in_half_precision(base, tmp_path):
+    found = exported(base, tmp_path, storage="texture", precision="float16", version="300 es")
     loss = found["errors"]["rounding of the weights"]
     assert 1e-5 < loss["mean"] < 1e-2
     assert found["errors"]["coefficients"]["max"] <= 1e-5
@@ -62,10 +62,6 @@ def test_a_weight_texture_in_half_precision_is_exported_and_scored(base, tmp_pat
     image = weight_texture.texels(form.rounded(net, Form(storage="texture", precision="float16")), "float16")
     assert (tmp_path / WEIGHTS).read_bytes() == image.tobytes()
     assert (tmp_path / "shading.frag").read_text().startswith("#version 300 es\n")
-    run(config(base, methods=["texture", "net"]))
-    rows = [score.read(folder / "score.json")[0] for folder in (base, tmp_path)]
-    both = [next(row.psnr for row in each if (row.method, row.reference) == ("net", "traced")) for each in rows]
-    assert both[0] == pytest.approx(both[1], abs=0.2)
 
 
 def test_digits_and_what_they_cost(base, tmp_path):

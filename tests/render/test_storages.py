@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 
 from prtnet import gl, netspec, sh
+from prtnet.data import atlas
 from prtnet.export import fold, form, glsl, limits, shading, weight_texture
+from prtnet.export.bundle import bundle
 from prtnet.export.form import Form
 from prtnet.render import verify
+from prtnet.render.camera import Camera
 from prtnet.render.material import Material, irradiance, radiance
+from prtnet.render.method import NetMethod
 from prtnet.render.pixelwise import Pass
+from prtnet.render.raster import Raster
 from tests.nets import random_grid, random_hash, random_net
+from tests.render.meshes import scene, sphere
 
 
 def points(count=500, seed=1):
@@ -122,3 +128,28 @@ def test_the_driver_at_hand_has_what_opengl_promises():
     for field in ("block_bytes", "blocks", "components", "texture_side", "volume_side", "samplers"):
         assert getattr(found, field) >= getattr(least, field), field
     assert found.name
+
+
+@pytest.mark.parametrize("storage", ["literal", "texture"])
+@pytest.mark.parametrize("groups", [1, 4])
+def test_a_net_is_drawn_with_the_light_folded_as_without(storage, groups):
+    """And anew at a change of the light; a glossy material takes the coefficients."""
+    raster = Raster(atlas.make(scene(sphere(24)), size=64), 48)
+    eye = Camera((0.4, 0.9, 2.6), (0.0, 0.0, 0.0), fov_y=45.0, near=0.1, far=10.0)
+    net = random_net(bands=3, groups=groups, output="linear", residual=True, width=6, depth=1)
+    made = bundle(net, Form(storage=storage))
+    assert made.irradiance
+    both = {"weights": made.weights, "groups": groups}
+    plain = NetMethod(raster, made.transfer, **both)
+    folded = NetMethod(raster, made.transfer, folding=(made.net, made.irradiance), **both)
+    for seed in (0, 1):
+        light = np.random.default_rng(seed).normal(size=(9, 3)).astype(np.float32)
+        expected = plain.draw(eye, light)
+        assert expected.any()
+        np.testing.assert_allclose(folded.draw(eye, light), expected, atol=2e-5)
+    shiny = Material(specular=(0.5, 0.5, 0.5), product="full")
+    pair = [
+        NetMethod(raster, made.transfer, material=shiny, folding=folding, **both).draw(eye, light)
+        for folding in (None, (made.net, made.irradiance))
+    ]
+    np.testing.assert_array_equal(*pair)

@@ -21,7 +21,7 @@ from tests.view.test_picture import Made
 MISSING = [f"{name}: apt-get install {name.lower()}" for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
 if importlib.util.find_spec("moderngl_window") is None:
     MISSING.append("moderngl-window: pip install prtnet[viewer]")
-SECONDS = 120  # to wait for anything
+SECONDS = 300  # to wait for anything, on a busy machine
 
 CHANGES = {"methods": ["texture", "net"], "light__name": "gradient"}
 

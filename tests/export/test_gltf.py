@@ -14,7 +14,7 @@ from prtnet import PrtnetError, sh
 from prtnet.data import builtin, vertex
 from prtnet.data.materials import to_linear
 from prtnet.data.scene import Scene, frame_of
-from prtnet.export import gltf, vertices
+from prtnet.export import glb, gltf, vertices
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "gltf-transfer.md"
 
@@ -115,7 +115,7 @@ def test_the_container_is_whole_and_aligned(far, tmp_path):
 
 
 def test_views_of_any_length_start_at_multiples_of_four():
-    binary = gltf._Binary()
+    binary = glb.Binary()
     for length in (1, 2, 3, 4, 5):
         binary.view(bytes([length]) * length)
     assert [view["byteOffset"] for view in binary.views] == [0, 4, 8, 12, 16]
@@ -142,7 +142,7 @@ def test_the_pages_reader(far, tmp_path, monkeypatch):
 def test_the_page_names_what_is_in_the_file(far, tmp_path):
     text, path = PAGE.read_text(encoding="utf-8"), tmp_path / "transfer_vertices.glb"
     written(far, path)
-    header, _ = gltf._opened(path)
+    header, _ = glb.opened(path)
     mesh = header["meshes"][0]
     for name in (*mesh["extras"]["prtnet"], "POSITION", "NORMAL", "TEXCOORD_0"):
         assert f"| `{name}` |" in text, name

@@ -107,7 +107,7 @@ class RenderOptions:
 
 @dataclass
 class ExportOptions:
-    """Of the network's shaders."""
+    """Of the network's shaders, and what is written beside them."""
 
     # weights as literal, texture or ubo (uniform blocks, validated and not run); auto = literal up to 20 000 padded
     # multiply-adds, above that texture
@@ -115,6 +115,7 @@ class ExportOptions:
     version: str = "330"  # of GLSL: 330, 430, "300 es"
     precision: str = "float32"  # of weights and biases, or float16
     digits: int = 9  # of literals, 4 to 9; 9 say every float32
+    lightmap: bool = False  # lightmap.glb for engines, with the run's light baked in, its images beside it
 
 
 @dataclass

@@ -47,9 +47,10 @@ def of_net(net: NetSpec) -> dict[str, Any]:
 
 
 def checksum(net: NetSpec) -> str:
-    """SHA-256 of weights, biases, grids and tables, little-endian, in this order."""
+    """SHA-256 of weights, biases, grids, tables and texels, little-endian, in this order."""
     total = hashlib.sha256()
-    for array in (*net.weights, *net.biases, *net.grids, *(each.table for each in net.hashes)):
+    tables = (each.table for each in net.hashes)
+    for array in (*net.weights, *net.biases, *net.grids, *tables, *net.texels):
         total.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes())
     return total.hexdigest()
 

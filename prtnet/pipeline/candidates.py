@@ -1,7 +1,7 @@
 """The networks that stage `size` chooses from, their costs, and the job with one of them."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -49,7 +49,8 @@ def space(config: Config, outputs: int, shading: int) -> tuple[list[Candidate], 
 
 def form_of(config: Config) -> Form:
     """How the network is exported. Raises PrtnetError, naming the key, for a word that means nothing."""
-    return Form(**asdict(config.export))
+    options = config.export
+    return Form(options.version, options.storage, options.precision, options.digits)
 
 
 def configured(config: Config, candidate: Candidate) -> Config:

@@ -18,6 +18,7 @@ from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.candidates import form_of
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.lightmap import write_lightmap
 from prtnet.pipeline.train import Trained
 from prtnet.render import certify, verify
 
@@ -48,6 +49,8 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
     _write_texture(job, baked.texture)
     if baked.mesh:
         _write_vertices(job, baked.mesh)
+    if job.config.export.lightmap:
+        write_lightmap(job, baked.texture)
     return exported
 
 

@@ -4,7 +4,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ import pytest
 from prtnet import netspec, score, sh
 from prtnet.data import atlas, builtin, texture
 from prtnet.data.light import about_y, by_name
-from prtnet.data.scene import IDENTITY
+from prtnet.data.scene import IDENTITY, Scene
 from prtnet.export import glsl, lightmap
 from prtnet.netspec import NetSpec
 from prtnet.pipeline.lightmap import of_page
@@ -47,7 +47,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     folder = tmp_path_factory.mktemp("site")
     shutil.copytree(EXAMPLE, folder / "three", ignore=shutil.ignore_patterns("node_modules"))
     _install(folder / "three")
-    scene = builtin.make("cornell", tessellation=0.25)
+    scene = _textured(builtin.make("cornell", tessellation=0.25))
     made = atlas.make(scene.centred(), size=128)
     texels = texture.gbuffer(made, 128)
     page = texture.page(texels, sh.cosine_lobe(texels.normals, BANDS))
@@ -68,6 +68,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     lightmap.write(run, made, pages, scene.frame, fronts=len(scene.faces), about=about, view=view)
     assert scene.frame is not IDENTITY
     return Site(folder, made, page, net)
+
+
+def _textured(scene: Scene) -> Scene:
+    """With a texture without edges over the floor, whose coordinates are none of an atlas."""
+    across = np.linspace(0.4, 1, 64, dtype=np.float32)
+    image = np.stack([*np.meshgrid(across, across), np.full((64, 64), 0.7, np.float32)], axis=-1)
+    unit = scene.centred().vertices
+    uv = (0.25 + 0.2 * unit[:, [0, 2]]).astype(np.float32)
+    return replace(scene, uv=uv, materials=(replace(scene.materials[0], texture=image), *scene.materials[1:]))
 
 
 def _install(example: Path) -> None:

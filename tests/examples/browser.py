@@ -4,6 +4,7 @@ Pages come from a folder over HTTP on the loopback interface; everything that le
 """
 
 import base64
+import fcntl
 import io
 import json
 import os
@@ -36,6 +37,7 @@ FLAGS = [
     "--hide-scrollbars",
     "--force-device-scale-factor=1",
     "--remote-debugging-pipe",
+    "--disable-dev-shm-usage",
 ]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium")
@@ -142,19 +144,13 @@ def browser(profile: Path) -> Iterator[Page]:
     """A tab of a Chromium with a profile of its own in a new folder, closed at the end."""
     assert CHROMIUM is not None
     (child_in, send), (receive, child_out) = os.pipe(), os.pipe()
-
-    def place() -> None:
-        # it reads commands from 3 and writes answers to 4; both ends may be there already
-        kept_in, kept_out = os.dup(child_in), os.dup(child_out)
-        os.dup2(kept_in, 3)
-        os.dup2(kept_out, 4)
-
-    arguments = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}"]
-    process = subprocess.Popen(
-        arguments, close_fds=False, preexec_fn=place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    os.close(child_in)
-    os.close(child_out)
+    # it reads commands from 3 and writes answers to 4, which a shell makes of numbers that are surely others
+    far = [fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, 10) for number in (child_in, child_out)]
+    words = ["bash", "-c", f'exec "$@" 3<&{far[0]} 4>&{far[1]}', "bash", CHROMIUM, *FLAGS, f"--user-data-dir={profile}"]
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen(words, pass_fds=far, **quiet)
+    for number in (child_in, child_out, *far):
+        os.close(number)
     try:
         page = Page(send, receive)
         yield page

@@ -153,6 +153,17 @@ def test_what_the_function_takes(far, folder):
     np.testing.assert_allclose(np.degrees(header["cameras"][0]["perspective"]["yfov"]), CAMERA.fov_y)
 
 
+def test_the_page_names_what_is_in_the_file(folder):
+    text = (Path(__file__).resolve().parents[2] / "docs" / "deploying.md").read_text(encoding="utf-8")
+    header, _ = parts_of(folder[0] / lightmap.GLB)
+    about, material = header["asset"]["extras"]["prtnet"], header["materials"][0]["extras"]["prtnet"]
+    names = {*about, *about["light"], *material, *material["lightmap"], *header["meshes"][0]["extras"]["prtnet"]}
+    for name in names - {"format"}:
+        assert f"`{name}`" in text or f".{name}`" in text, name
+    for file in folder[0].iterdir():
+        assert f"`{file.name}`" in text
+
+
 def test_a_texture_for_each_part(far, tmp_path):
     """Every material names the page of its own part, in one range."""
 

@@ -82,7 +82,7 @@ class Baked:
 
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
-    baked = _texture(job)
+    baked = bake_texture(job)
     points = _net_points(job, baked) if "net" in job.config.methods else None
     lit = _lit(job, baked) if "lit_texture" in job.config.methods else None
     return Baked(baked, lit, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
@@ -146,7 +146,8 @@ def _enclosed(job: Job, points: Samples, values: Array) -> Array:
     return dark
 
 
-def _texture(job: Job) -> BakedTexture:
+def bake_texture(job: Job) -> BakedTexture:
+    """The texture of a job's atlas, or what the store has of it."""
     options, inputs = job.config.atlas, inputs_of(job)
     atlas, seconds = atlas_of(job)
     texels = texture.gbuffers(atlas, options.size)

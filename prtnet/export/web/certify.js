@@ -1,0 +1,67 @@
+// The net of this page run on this device at given points, and held against what NumPy got for them.
+
+import { Refused } from "./renderer.js";
+
+// Coefficients of `n` points, one after the other, padded to whole vectors: positions and normals are Float32Arrays.
+export function evaluate(renderer, positions, normals) {
+  const { gl, model } = renderer;
+  if (!renderer.floats) {
+    throw new Refused("Nothing can be measured here: this browser lacks float targets (EXT_color_buffer_float).");
+  }
+  const count = positions.length / 3;
+  const side = Math.ceil(Math.sqrt(count));
+  const vectors = model.layers * model.groups;
+  const textures = [positions, normals].map((values, unit) => {
+    gl.activeTexture(gl.TEXTURE1 + unit);
+    const image = new Float32Array(4 * side * side);
+    for (let i = 0; i < count; ++i) image.set(values.subarray(3 * i, 3 * i + 3), 4 * i);
+    return renderer.texture(gl.TEXTURE_2D, gl.NEAREST, () =>
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, side, side, 0, gl.RGBA, gl.FLOAT, image),
+    );
+  });
+  gl.activeTexture(gl.TEXTURE0);
+  const target = renderer.texture(gl.TEXTURE_2D, gl.NEAREST, () =>
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, side, side),
+  );
+  const frame = renderer.framebuffer(target, null);
+  const made = renderer.program("points");
+  gl.useProgram(made.program);
+  renderer.bindGrids();
+  gl.viewport(0, 0, side, side);
+  gl.disable(gl.DEPTH_TEST);
+  gl.colorMask(true, true, true, true);
+  const out = new Float32Array(count * 4 * vectors);
+  const pixels = new Float32Array(4 * side * side);
+  for (let vector = 0; vector < vectors; ++vector) {
+    renderer.put(made, "uniform1i", "chosen", vector);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
+    for (let i = 0; i < count; ++i) out.set(pixels.subarray(4 * i, 4 * i + 4), 4 * (vectors * i + vector));
+  }
+  gl.enable(gl.DEPTH_TEST);
+  gl.deleteFramebuffer(frame);
+  for (const texture of [...textures, target]) gl.deleteTexture(texture);
+  return out;
+}
+
+// The largest and the mean absolute error over the page's own points.
+export function certify(renderer) {
+  const { positions, normals, expected, slots } = renderer.model.checks;
+  const found = evaluate(renderer, positions, normals);
+  const [count, coefficients] = [positions.length / 3, slots.length];
+  const stride = found.length / count;
+  let [most, sum] = [0, 0];
+  for (let i = 0; i < count; ++i)
+    for (let k = 0; k < coefficients; ++k) {
+      const error = Math.abs(found[i * stride + slots[k]] - expected[i * coefficients + k]);
+      // NaN counts as the worst
+      if (!(error <= most)) most = error;
+      sum += error;
+    }
+  return { points: count, error_max: most, error_mean: sum / (count * coefficients), device: device(renderer.gl) };
+}
+
+export function device(gl) {
+  const words = gl.getExtension("WEBGL_debug_renderer_info");
+  return String(gl.getParameter(words ? words.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+}

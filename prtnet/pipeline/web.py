@@ -1,0 +1,167 @@
+"""The web page of a run: its net beside a texture, under several lights, checked in a browser where there is one."""
+
+import logging
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from prtnet import PrtnetError, console, netspec, score, sh, store
+from prtnet.data import light as lights
+from prtnet.data.light import Light
+from prtnet.export import browser, web
+from prtnet.export.browser import Browser
+from prtnet.export.web import Certificate, Cost, Look, PageLight
+from prtnet.netspec import NetSpec
+from prtnet.pipeline.bake import Baked, BakedTexture, bake_texture
+from prtnet.pipeline.job import Job
+from prtnet.pipeline.train import Trained
+from prtnet.render import camera
+from prtnet.render import gbuffer as gbuffers
+from prtnet.render.camera import Camera
+from prtnet.render.material import Material
+from prtnet.render.raster import Raster
+from prtnet.render.verify import TOLERANCE
+
+log = logging.getLogger(__name__)
+Array = np.ndarray
+
+NAME = "page.html"
+SIDE = 512  # texels along one side of the page's texture
+EXPOSED_SIZE = 128  # of the frame that exposures are found in
+FRAME = (960, 600)  # of the browser that measures
+
+
+def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | None = SIDE) -> Path:
+    """Write page.html into the run folder. `side`: texels along one side of its texture, baked anew where the job's is
+    another; None takes the job's.
+
+    Raises PrtnetError, and leaves no page behind, where there is no net or a browser does not compute what NumPy does.
+    """
+    path = job.out / NAME
+    path.unlink(missing_ok=True)
+    if trained is None:
+        raise PrtnetError(f"web page: found methods {job.config.methods}, expected net among them")
+    texture = _texture(job, baked.texture, side)
+    eye = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)[0]
+    look = _look(eye, job.material)
+    arguments: dict[str, Any] = {
+        "lights": _lights(job, texture, trained.net, eye, look),
+        "look": look,
+        "texture_cost": _cost(job, texture),
+    }
+
+    def made(certificate: Certificate) -> str:
+        found = replace(certificate, notes=_notes(job))
+        return web.page(trained.net, texture.atlas, texture.pages, certificate=found, **arguments)
+
+    certificate = measured(made(Certificate(reason="not yet")))
+    error = certificate.measured["error_max"] if certificate.measured else 0.0
+    if not error <= TOLERANCE:
+        raise PrtnetError(
+            f"web page: the browser's net differs from NumPy's by {error:.2g} in a coefficient, expected at most "
+            f"{TOLERANCE:g}; no page was written"
+        )
+    text = made(certificate)
+    store.write_text(path, text)
+    log.info("web page: %s, %s; %s", path, console.size(len(text.encode())), _words(certificate))
+    return path
+
+
+def measured(text: str) -> Certificate:
+    """The certificate of a page's text: run in Chromium where that is found."""
+    if browser.find() is None:
+        return Certificate(reason="no browser was found")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / NAME
+        path.write_text(text, encoding="utf-8")
+        return Certificate(measure(path))
+
+
+def measure(page: Path) -> dict[str, Any]:
+    """What headless Chromium makes of a page: error_max and error_mean of its net against NumPy at its random points,
+    seconds until the first picture and until it is ready, milliseconds of a frame by each method, browser and device.
+
+    Raises PrtnetError where the page does not start.
+    """
+    with Browser(size=FRAME) as found:
+        start = time.perf_counter()
+        found.goto(page.resolve().as_uri())
+        found.evaluate("prtnet.ready")
+        ready = time.perf_counter() - start
+        if not found.evaluate("Boolean(prtnet.certify)"):
+            message = found.evaluate("document.getElementById('message').textContent")
+            raise PrtnetError(f"web page: found {message!r} in the browser, expected a picture")
+        facts = found.evaluate("prtnet.certify()")
+        times = found.evaluate("prtnet.viewer.time(3)")
+        facts |= {"ready_seconds": round(ready, 2), "first_seconds": found.evaluate("prtnet.first_ms") / 1000}
+        facts |= {"net_ms": times["net"], "texture_ms": times["texture"]}
+        facts["browser"] = found.send("Browser.getVersion")["product"]
+    return facts
+
+
+def _words(certificate: Certificate) -> str:
+    found = certificate.measured
+    if not found:
+        return f"not measured, {certificate.reason}"
+    return f"{found['browser']}: {found['error_max']:.1e} at most, first picture in {found['first_seconds']:.1f} s"
+
+
+def _texture(job: Job, baked: BakedTexture, side: int | None) -> BakedTexture:
+    options = job.config.atlas
+    if side is None or side == options.size:
+        return baked
+    other = replace(job.config, atlas=replace(options, size=side))
+    return bake_texture(replace(job, config=other))
+
+
+def _cost(job: Job, texture: BakedTexture) -> Cost:
+    """8-bit texels, decoded after the bilinear fetch."""
+    count = job.groups * sh.count(job.config.transfer.bands)
+    sides = [len(page.used) for page in texture.pages]
+    held = sum(score.texture_bytes(side, count, texel_bytes=1) for side in sides)
+    return Cost(score.fetch_macs(count, "bilinear") + count, held)
+
+
+def _look(eye: Camera, material: Material) -> Look:
+    tint, strength = np.asarray(material.specular), float(max(material.specular))
+    red, green, blue = (float(value) for value in (tint / strength if strength else np.ones(3)))
+    return Look(
+        eye.eye,
+        eye.target,
+        eye.fov_y,
+        min(material.diffuse, 1.0),
+        min(strength, 1.0),
+        (red, green, blue),
+        float(np.clip(material.exponent, 1, 100)),
+    )
+
+
+def _lights(job: Job, texture: BakedTexture, net: NetSpec, eye: Camera, look: Look) -> list[PageLight]:
+    """The job's light, then those by formula, each with its exposure as in the score: 0.9 / P99 of what the net shows
+    in the first view, at the page's first material."""
+    gbuffer = Raster(texture.atlas, EXPOSED_SIZE).gbuffer(eye)
+    transfer = netspec.evaluate_unit(net, gbuffer.positions.astype(np.float64), gbuffer.normals)
+    specular = tuple(look.specular * value for value in look.tint)
+    material = Material(look.diffuse, specular, look.exponent)
+    covered = np.zeros(gbuffer.size**2, bool)
+    covered[gbuffer.pixel] = True
+    covered = covered.reshape(gbuffer.size, -1)
+
+    def made(light: Light) -> PageLight:
+        coefficients = light.coefficients(net.bands)
+        image = gbuffers.shade(gbuffer, transfer, coefficients, material, groups=net.groups)
+        return PageLight(light.name, coefficients, score.exposure([image], [covered]))
+
+    others = [lights.by_name(name) for name in lights.NAMES if name != job.light.name]
+    return [made(light) for light in (job.light, *others)]
+
+
+def _notes(job: Job) -> list[str]:
+    material = job.material
+    if material.varies:
+        return ["The parts of this scene reflect differently in its scores; here they are all alike."]
+    return []

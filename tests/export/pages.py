@@ -1,0 +1,53 @@
+"""A small page for the tests of what a browser makes of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from prtnet import sh
+from prtnet.data import atlas, builtin, light, texture
+from prtnet.data.atlas import Atlas
+from prtnet.data.texture import Page
+from prtnet.export import web
+from prtnet.export.web import Cost, Look, PageLight
+from prtnet.netspec import NetSpec
+from tests.nets import random_grid, random_hash, random_net
+
+BANDS, SIDE = 3, 64
+LOOK = Look(eye=(0.4, 0.3, 3.2), target=(0.0, 0.0, 0.0), fov=45.0)
+EXPOSURES = {"sky": 0.25, "green": 0.5}
+
+
+@dataclass(frozen=True)
+class Small:
+    """What a page is made of."""
+
+    net: NetSpec
+    atlas: Atlas
+    pages: tuple[Page, ...]
+    lights: list[PageLight]
+
+    def text(self, **changes) -> str:
+        """The HTML."""
+        values = {"lights": self.lights, "look": LOOK, "texture_cost": Cost(123, 4567)} | changes
+        return web.page(self.net, self.atlas, self.pages, **values)
+
+    def write(self, path: Path, **changes) -> str:
+        """The HTML on disk; its address."""
+        path.write_text(self.text(**changes), encoding="utf-8")
+        return path.as_uri()
+
+
+def small(groups: int = 1) -> Small:
+    """A box of two lit walls: transfer without shadows in the texture, a net that has learned nothing."""
+    scene = builtin.make("cornell", tessellation=0.25).centred()
+    made = atlas.make(scene, size=SIDE)
+    texels = texture.gbuffer(made, SIDE)
+    lobe = np.tile(sh.cosine_lobe(texels.normals, BANDS), groups)
+    features = {"grids": (random_grid(4, 3, 2, channels=8),), "hashes": (random_hash(8),)}
+    net = random_net(width=8, depth=1, bands=BANDS, groups=groups, residual=True, output_scale=0.3, **features)
+    lights = [
+        PageLight(name, light.by_name(name).coefficients(BANDS), exposure) for name, exposure in EXPOSURES.items()
+    ]
+    return Small(net, made, (texture.page(texels, lobe, dilation=1),), lights)

@@ -118,7 +118,7 @@ def page(
     return _assembled(
         title=html.escape(title),
         lead=html.escape(_lead(net, pages)),
-        notes="".join(f"<li>{html.escape(note)}</li>" for note in [*_notes(atlas, pages, about), *certificate.notes]),
+        notes="".join(f"<li>{html.escape(note)}</li>" for note in [*_notes(atlas, pages), *certificate.notes]),
         about=as_json(about),
         blocks="\n".join(_element(name, block) for name, block in blocks.items()),
         style=_text("page.css"),
@@ -240,15 +240,13 @@ def _lead(net: NetSpec, pages: Sequence[Page]) -> str:
     return f"Precomputed light transport in a network of {netspec.macs(net):,} multiply-adds, beside a {sides} texture."
 
 
-def _notes(atlas: Atlas, pages: Sequence[Page], about: Mapping[str, Any]) -> list[str]:
+def _notes(atlas: Atlas, pages: Sequence[Page]) -> list[str]:
     """What a reader should know of how the page differs from the scene."""
-    texels, coefficients = sum(int(each.used.sum()) for each in pages), len(about["slots"])
-    step = max(about["box"]["span"]) / packing.TOP / 2
+    texels, coefficients = sum(int(each.used.sum()) for each in pages), pages[0].levels[0].shape[2]
     notes = [
-        f"Texture: {texels:,} texels in use, {coefficients} coefficients in 8 bits each, bilinear.",
-        f"Mesh: {len(atlas.scene.faces):,} triangles; positions are rounded to 16 bits, by {step:.0e} of half the "
-        "scene at most.",
-        "Lights are spherical harmonics: those with small bright spots ring.",
+        f"Texture: {texels:,} texels in use, {coefficients} coefficients of 8 bits each, bilinear.",
+        f"Mesh: {len(atlas.scene.faces):,} triangles, positions in 16 bits.",
+        "Exposures are those of the first view under each light; small bright lights ring in spherical harmonics.",
     ]
     if any(material.texture is not None for material in atlas.scene.materials):
         notes.append("Albedo textures are not in this file: each part has the mean of its own.")

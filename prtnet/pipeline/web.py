@@ -83,7 +83,8 @@ def measured(text: str) -> Certificate:
 
 def measure(page: Path) -> dict[str, Any]:
     """What headless Chromium makes of a page: error_max and error_mean of its net against NumPy at its random points,
-    seconds until the first picture and until it is ready, milliseconds of a frame by each method, browser and device.
+    seconds until the first picture and until it is ready, the frame's size and milliseconds by each method, browser and
+    device.
 
     Raises PrtnetError where the page does not start.
     """
@@ -98,7 +99,8 @@ def measure(page: Path) -> dict[str, Any]:
         facts = found.evaluate("prtnet.certify()")
         times = found.evaluate("prtnet.viewer.time(3)")
         facts |= {"ready_seconds": round(ready, 2), "first_seconds": found.evaluate("prtnet.first_ms") / 1000}
-        facts |= {"net_ms": times["net"], "texture_ms": times["texture"]}
+        size = found.evaluate("[prtnet.renderer.canvas.width, prtnet.renderer.canvas.height]")
+        facts |= {"net_ms": times["net"], "texture_ms": times["texture"], "frame": size}
         facts["browser"] = found.send("Browser.getVersion")["product"]
     return facts
 

@@ -2,7 +2,7 @@
 
 import { cosineZonal, harmonics } from "./sh.js";
 
-const ALBEDO = 0.5;
+const ALBEDO = 0.35;
 
 // Draws it as the camera sees it; `axes` are that of camera.js, `light` coefficients per colour.
 export function drawBall(canvas, light, axes, exposure) {

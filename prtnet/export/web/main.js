@@ -21,7 +21,7 @@ function say(text, kind = "") {
 function refuse(error) {
   const words = error instanceof Refused ? error.message : `Something went wrong: ${error.message}`;
   say(words, "refusal");
-  for (const control of document.querySelectorAll("#controls input, #controls select, #controls button, #certify"))
+  for (const control of document.querySelectorAll("#controls input, #controls select, #controls button, header button, #certify"))
     control.disabled = true;
   if (!(error instanceof Refused)) console.error(error);
 }
@@ -65,7 +65,6 @@ function guard(canvas, viewer) {
 }
 
 async function start() {
-  const began = performance.now();
   certificate();
   const canvas = document.getElementById("view");
   const gl = contextOf(canvas);
@@ -78,14 +77,16 @@ async function start() {
     error.disabled = true;
     error.parentElement.title = "Needs float targets (EXT_color_buffer_float), which this browser lacks";
   }
+  // few pixels, so that there is something to look at however slow the device is
   viewer.state.method = "texture";
+  viewer.detail = 0.5;
   viewer.draw();
-  const first = performance.now() - began;
+  const first = performance.now();
   say("Compiling the network …", "busy");
   await breath();
   const compiling = performance.now();
   viewer.state.method = "split";
-  // few pixels: one frame to compile, one to see how long the device takes
+  // one frame to compile, one to see how long the device takes
   viewer.detail = 0.2;
   viewer.draw();
   const compile = performance.now() - compiling;

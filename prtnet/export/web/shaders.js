@@ -45,13 +45,13 @@ void main() {
 }
 `;
 
-// Eight times what two pictures differ by, as they are shown.
+// Eight times what two pictures differ by, as they are shown; dark where nothing is.
 export const DIFFERENCE = `${HEAD}
 uniform sampler2D first, second;
 out vec4 colour;
 void main() {
   vec4 a = texelFetch(first, ivec2(gl_FragCoord.xy), 0), b = texelFetch(second, ivec2(gl_FragCoord.xy), 0);
-  colour = vec4(8.0 * abs(a.rgb - b.rgb) + (a.a < 0.5 ? a.rgb : vec3(0.0)), 1.0);
+  colour = vec4(8.0 * abs(a.rgb - b.rgb) + (a.a < 0.5 ? 0.15 * a.rgb : vec3(0.0)), 1.0);
 }
 `;
 

@@ -18,6 +18,7 @@ export class Viewer {
     this.frames = 0;
     this.taken = {}; // milliseconds of a whole frame by each method, as the last one went
     this.detail = 1;
+    this.moving = false;
     this.full = false; // all pixels, however long it takes
     this.drawn = () => {};
     this.failed = () => {};
@@ -47,13 +48,15 @@ export class Viewer {
   // A frame is due. `moving`: more will follow.
   changed(moving = false) {
     clearTimeout(this.rest);
-    this.detail = this.full ? 1 : this.affordable(moving ? MOVING : RESTING);
+    this.detail = this.affordable(moving ? MOVING : RESTING);
+    this.moving = moving;
     if (moving && this.detail < 1) this.rest = setTimeout(() => this.changed(), SETTLE);
     if (!this.pending) this.pending = requestAnimationFrame(() => this.frame());
   }
 
   // The share of the pixels along each side that a frame of so many milliseconds has.
   affordable(milliseconds) {
+    if (this.full) return 1;
     const known = Object.values(this.taken);
     const due = this.taken[this.state.method] || 2 * Math.max(0, ...known);
     return due > milliseconds ? Math.max(COARSEST, Math.sqrt(milliseconds / due)) : 1;
@@ -78,6 +81,8 @@ export class Viewer {
     this.taken[this.state.method] = took / this.detail ** 2;
     this.frames += 1;
     this.drawn(took);
+    // a coarse frame says more than it takes: what does not depend on the pixels looks as if it did
+    if (!this.moving && this.affordable(RESTING) > 1.2 * this.detail) this.changed();
   }
 
   // The canvas in the screen's own pixels.

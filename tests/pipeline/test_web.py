@@ -1,0 +1,90 @@
+"""The page of a run: its texture, its lights, its certificate, and when there is none."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from prtnet import PrtnetError, score
+from prtnet.export import browser, glsl
+from prtnet.export.web import Certificate
+from prtnet.pipeline import web
+from prtnet.pipeline.bake import bake
+from prtnet.pipeline.job import open_job
+from prtnet.pipeline.train import train
+from prtnet.render import camera
+from prtnet.render.method import NetMethod
+from prtnet.render.raster import Raster
+from tests.pipeline.test_pipeline import config
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A job with what stages bake and train make of it."""
+    job = open_job(config(tmp_path_factory.mktemp("run"), methods=["texture", "net"]), "", None)
+    baked = bake(job)
+    assert baked.points
+    return job, baked, train(job, baked.points)
+
+
+@pytest.fixture
+def no_browser(monkeypatch):
+    monkeypatch.setattr(browser, "find", lambda: None)
+
+
+def about(path):
+    return json.loads(re.search(r'id="about">(.*?)</script>', path.read_text(encoding="utf-8"))[1])
+
+
+def test_a_run_gets_a_page(trained, no_browser):
+    job, _, _ = trained
+    path = web.write_page(*trained, side=48)
+    found = about(path)
+    assert path == job.out / "page.html"
+    assert [page["side"] for page in found["pages"]] == [48]
+    names = [light["name"] for light in found["lights"]]
+    assert names[0] == job.light.name
+    assert len(set(names)) == len(names) > 4
+    assert found["certificate"] is None
+    assert "no browser" in found["unmeasured"]
+    assert about(web.write_page(*trained, side=None))["pages"][0]["side"] == job.config.atlas.size
+
+
+def test_exposures_suit_the_first_view(trained, no_browser):
+    """By OpenGL and the shader, where the page's come from NumPy."""
+    job, baked, net = trained
+    eye = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)[0]
+    drawing = Raster(baked.texture.atlas, web.EXPOSED_SIZE)
+    covered = drawing.faces(eye)[..., 0] > 0
+    method = NetMethod(drawing, glsl.emit(net.net), grids=net.net.grids, hashes=net.net.hashes)
+    found = about(web.write_page(*trained, side=None))["lights"]
+    for light in found[:2]:
+        image = method.draw(eye, np.asarray(light["coefficients"], np.float32))
+        assert light["exposure"] == pytest.approx(score.exposure([image], [covered]), rel=0.01)
+
+
+def test_a_page_that_computes_something_else_is_not_left(trained, monkeypatch):
+    job, _, _ = trained
+    for error in (2e-5, float("nan")):
+        wrong = Certificate({"error_max": error, "error_mean": error})
+        monkeypatch.setattr(web, "measured", lambda text, wrong=wrong: wrong)
+        with pytest.raises(PrtnetError, match="no page was written"):
+            web.write_page(*trained, side=None)
+        assert not (job.out / "page.html").exists()
+
+
+def test_without_a_net_there_is_no_page(trained):
+    job, baked, _ = trained
+    with pytest.raises(PrtnetError, match="net among them"):
+        web.write_page(job, baked, None)
+
+
+@pytest.mark.skipif(browser.find() is None, reason="needs Chromium: apt-get install chromium")
+def test_the_certificate_is_on_the_page(trained):
+    found = about(web.write_page(*trained, side=None))["certificate"]
+    assert 0 < found["error_max"] < 1e-5
+    assert found["points"] == 1024
+    assert found["net_ms"] > 0
+    assert found["texture_ms"] > 0
+    assert "Chrom" in found["browser"]

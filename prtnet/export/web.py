@@ -34,8 +34,8 @@ Array = np.ndarray
 FOLDER = Path(__file__).parent / "web"
 # each after those it imports from
 MODULES = (
-    "unpack", "sh", "ball", "camera", "pointer", "shaders", "model", "renderer", "certify", "viewer", "controls",
-    "main",
+    "unpack", "sh", "ball", "camera", "pointer", "device", "shaders", "model", "renderer", "certify", "viewer",
+    "controls", "main",
 )  # fmt: skip
 CHECKED_POINTS = 1024
 UNIFORMS = 16  # vectors beside the light and the texture's range

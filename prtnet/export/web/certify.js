@@ -1,13 +1,8 @@
 // The net of this page run on this device at given points, and held against what NumPy got for them.
 
-import { Refused } from "./renderer.js";
-
 // Coefficients of `n` points, one after the other, padded to whole vectors: positions and normals are Float32Arrays.
 export function evaluate(renderer, positions, normals) {
   const { gl, model } = renderer;
-  if (!renderer.floats) {
-    throw new Refused("Nothing can be measured here: this browser lacks float targets (EXT_color_buffer_float).");
-  }
   const count = positions.length / 3;
   const side = Math.ceil(Math.sqrt(count));
   const vectors = model.layers * model.groups;
@@ -21,24 +16,23 @@ export function evaluate(renderer, positions, normals) {
   });
   gl.activeTexture(gl.TEXTURE0);
   const target = renderer.texture(gl.TEXTURE_2D, gl.NEAREST, () =>
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, side, side),
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, side, side),
   );
-  const frame = renderer.framebuffer(target, null);
+  const frame = renderer.framebuffer([target], null);
   const made = renderer.program("points");
   gl.useProgram(made.program);
   renderer.bindGrids();
   gl.viewport(0, 0, side, side);
-  gl.disable(gl.DEPTH_TEST);
-  gl.colorMask(true, true, true, true);
+  gl.bindVertexArray(renderer.frame);
   const out = new Float32Array(count * 4 * vectors);
-  const pixels = new Float32Array(4 * side * side);
+  const bits = new Uint32Array(4 * side * side);
+  const pixels = new Float32Array(bits.buffer);
   for (let vector = 0; vector < vectors; ++vector) {
     renderer.put(made, "uniform1i", "chosen", vector);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
+    gl.readPixels(0, 0, side, side, gl.RGBA_INTEGER, gl.UNSIGNED_INT, bits);
     for (let i = 0; i < count; ++i) out.set(pixels.subarray(4 * i, 4 * i + 4), 4 * (vectors * i + vector));
   }
-  gl.enable(gl.DEPTH_TEST);
   gl.deleteFramebuffer(frame);
   for (const texture of [...textures, target]) gl.deleteTexture(texture);
   return out;

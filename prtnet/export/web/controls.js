@@ -62,7 +62,7 @@ export class Controls {
   read({ target }) {
     const { elements } = this.form;
     const number = (name) => Number(elements[name].value);
-    this.viewer.set({
+    const values = {
       method: elements.method.value,
       light: number("light"),
       turn: number("turn"),
@@ -72,7 +72,8 @@ export class Controls {
       exponent: 10 ** number("exponent"),
       own: target.name === "colour" ? false : elements.own.checked,
       colour: elements.colour.value,
-    });
+    };
+    this.viewer.set(values, true);
     this.fill();
   }
 
@@ -89,15 +90,11 @@ export class Controls {
   pointing() {
     const { viewer } = this;
     const ball = () => drawBall(byId("ball"), viewer.light, viewer.orbit.axes(), viewer.exposure);
-    const changed = () => {
+    this.moved = () => {
       viewer.changed(true);
       ball();
     };
-    listen(viewer.renderer.canvas, viewer.orbit, { changed, ended: () => viewer.changed() });
-    this.moved = () => {
-      viewer.changed();
-      ball();
-    };
+    listen(viewer.renderer.canvas, viewer.orbit, { changed: this.moved, ended: () => viewer.changed() });
   }
 
   bar() {
@@ -114,7 +111,8 @@ export class Controls {
   }
 
   slide(share) {
-    this.set({ split: Math.min(1, Math.max(0, share)) });
+    this.viewer.set({ split: Math.min(1, Math.max(0, share)) }, true);
+    this.words();
   }
 
   key(event) {

@@ -3,8 +3,9 @@
 
 import { certify, evaluate } from "./certify.js";
 import { Controls } from "./controls.js";
+import { Refused, contextOf } from "./device.js";
 import { load } from "./model.js";
-import { Refused, Renderer, contextOf } from "./renderer.js";
+import { Renderer } from "./renderer.js";
 import { turned } from "./sh.js";
 import { Viewer } from "./viewer.js";
 
@@ -37,14 +38,9 @@ function certificate() {
 }
 
 function checked(renderer) {
-  try {
-    const found = certify(renderer);
-    const mean = found.error_mean.toExponential(1);
-    return `${found.device}: at most ${found.error_max.toExponential(1)}, ${mean} on average, over ${found.points} points.`;
-  } catch (error) {
-    if (error instanceof Refused) return error.message;
-    throw error;
-  }
+  const found = certify(renderer);
+  const mean = found.error_mean.toExponential(1);
+  return `${found.device}: at most ${found.error_max.toExponential(1)}, ${mean} on average, over ${found.points} points.`;
 }
 
 // Loses and wins back: the browser takes a context away when a driver restarts or a laptop changes graphics cards.
@@ -72,11 +68,6 @@ async function start() {
   const viewer = new Viewer(renderer, about);
   viewer.failed = refuse;
   guard(canvas, viewer);
-  if (!renderer.floats) {
-    const error = document.querySelector('input[value="error"]');
-    error.disabled = true;
-    error.parentElement.title = "Needs float targets (EXT_color_buffer_float), which this browser lacks";
-  }
   // few pixels, so that there is something to look at however slow the device is
   viewer.state.method = "texture";
   viewer.detail = 0.5;

@@ -38,7 +38,6 @@ export function listen(canvas, orbit, { changed, ended }) {
       const lines = event.deltaMode === 0 ? 1 : 30;
       orbit.zoom(Math.exp(Math.max(-200, Math.min(200, event.deltaY * lines)) * 0.0015));
       changed();
-      ended();
     },
     { passive: false },
   );

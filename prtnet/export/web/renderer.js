@@ -1,17 +1,11 @@
-// WebGL2: the mesh by each method, split or compared. Draws when told to, and never by itself.
+// WebGL 2: the mesh as surface points of pixels, then their colours by each method, split or compared. The points are
+// drawn again only for another view. Draws when told to, and never by itself.
 
-import { DEPTH, DIFFERENCE, FRAME, SURFACE, method, points } from "./shaders.js";
+import { Refused, checkLimits } from "./device.js";
+import { DIFFERENCE, FRAME, SHOWN, SURFACE, VERTICES, method, points } from "./shaders.js";
 
-const UNITS = { transfer_map: 0, first: 1, second: 2, positions: 1, normals: 2 };
-const FIRST_GRID = 3;
-
-export class Refused extends Error {}
-
-export function contextOf(canvas) {
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
-  if (!gl) throw new Refused("This page draws with WebGL 2, which this browser does not offer or has turned off.");
-  return gl;
-}
+const UNITS = { transfer_map: 0, places: 1, finishes: 2, first: 3, second: 4, positions: 1, normals: 2 };
+const FIRST_GRID = 5;
 
 export class Renderer {
   constructor(gl, model) {
@@ -24,32 +18,15 @@ export class Renderer {
   // Everything that a context holds; again after a lost one is back.
   build() {
     const gl = this.gl;
-    this.check();
-    // needed to compare and to measure, not to draw
-    this.floats = Boolean(gl.getExtension("EXT_color_buffer_float"));
+    checkLimits(gl, this.model.needs);
     this.programs = {};
-    this.pair = null;
+    this.targets = {};
+    this.seen = "";
     this.mesh();
     this.pages = this.model.pages.map((page) => this.transferMap(page));
     this.grids = this.model.grids.map((grid) => ({ name: grid.name, texture: this.grid(grid) }));
-    gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
-  }
-
-  // Limits that WebGL 2 leaves to the device. Says what is missing.
-  check() {
-    const gl = this.gl;
-    const needed = this.model.needs;
-    const most = (name) => gl.getParameter(gl[name]);
-    const precision = gl.getShaderPrecisionFormat(gl.FRAGMENT_SHADER, gl.HIGH_FLOAT);
-    const lacks = [
-      ...Object.entries(needed).map(([name, least]) => [name, most(name), least]),
-      ["bits of a float in a shader", precision ? precision.precision : 0, 23],
-    ].filter(([, found, least]) => found < least);
-    if (lacks.length) {
-      const words = lacks.map(([name, found, least]) => `${name} is ${found}, and ${least} is needed`);
-      throw new Refused(`This device's WebGL 2 is too small for the scene: ${words.join("; ")}.`);
-    }
+    this.frame = gl.createVertexArray();
   }
 
   mesh() {
@@ -107,11 +84,12 @@ export class Renderer {
   program(name) {
     if (this.programs[name]) return this.programs[name];
     const texts = {
-      depth: () => [SURFACE, DEPTH],
+      surface: () => [VERTICES, SURFACE],
+      shown: () => [FRAME, SHOWN],
       difference: () => [FRAME, DIFFERENCE],
       points: () => [FRAME, points(this.model)],
-      net: () => [SURFACE, method("net", this.model)],
-      texture: () => [SURFACE, method("texture", this.model)],
+      net: () => [FRAME, method("net", this.model)],
+      texture: () => [FRAME, method("texture", this.model)],
     };
     const started = performance.now();
     const program = this.link(...texts[name]());
@@ -151,55 +129,84 @@ export class Renderer {
   draw(view) {
     const { gl, canvas } = this;
     if (gl.isContextLost()) return;
-    if (view.method === "error") {
-      this.compare(view);
-      return;
-    }
+    this.surface(view);
+    const split = view.method === "split";
+    const both = view.method === "error";
+    const bar = Math.round(view.split * canvas.width);
+    const first = this.picture("first", () => {
+      if (split) this.within(0, bar, () => this.shade("net", view));
+      else this.shade(both ? "net" : view.method, view);
+      if (split) this.within(bar, canvas.width, () => this.shade("texture", view));
+    });
+    const pictures = both ? [first, this.picture("second", () => this.shade("texture", view))] : [first];
+    this.show(both ? "difference" : "shown", pictures, view.paper);
+  }
+
+  // A texture of what `draw` draws.
+  picture(name, draw) {
+    const { frame, textures } = this.target(name, 1, this.gl.RGBA16UI);
+    this.begin(frame);
+    draw();
+    return textures[0];
+  }
+
+  within(left, right, draw) {
+    const gl = this.gl;
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(left, 0, right - left, this.canvas.height);
+    draw();
+    gl.disable(gl.SCISSOR_TEST);
+  }
+
+  show(name, pictures, paper) {
+    const gl = this.gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    this.begin(view, canvas.width, canvas.height, [...view.paper, 1]);
-    if (view.method === "split") {
-      const bar = Math.round(view.split * canvas.width);
-      gl.enable(gl.SCISSOR_TEST);
-      gl.scissor(0, 0, bar, canvas.height);
-      this.shade("net", view);
-      gl.scissor(bar, 0, canvas.width - bar, canvas.height);
-      this.shade("texture", view);
-      gl.disable(gl.SCISSOR_TEST);
-    } else this.shade(view.method, view);
-  }
-
-  // Clears, and leaves the nearest depth of each pixel: what is hidden is then never shaded.
-  begin(view, width, height, colour) {
-    const gl = this.gl;
-    gl.viewport(0, 0, width, height);
-    gl.depthMask(true);
-    gl.colorMask(true, true, true, true);
-    gl.clearColor(...colour);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.bindVertexArray(this.vertices);
-    const made = this.program("depth");
-    gl.useProgram(made.program);
-    this.place(made, view);
-    gl.colorMask(false, false, false, false);
-    gl.depthFunc(gl.LESS);
-    gl.drawElements(gl.TRIANGLES, this.model.faces.length, gl.UNSIGNED_INT, 0);
-    gl.colorMask(true, true, true, true);
-    gl.depthMask(false);
-    gl.depthFunc(gl.LEQUAL);
-  }
-
-  place(made, view) {
-    this.put(made, "uniformMatrix4fv", "camera", false, view.camera);
-    this.put(made, "uniform3fv", "box_low", this.model.box.low);
-    this.put(made, "uniform3fv", "box_span", this.model.box.span);
-  }
-
-  shade(name, view) {
-    const gl = this.gl;
     const made = this.program(name);
     gl.useProgram(made.program);
+    gl.bindVertexArray(this.frame);
+    this.bind(UNITS.first, gl.TEXTURE_2D, pictures);
+    this.put(made, "uniform3fv", "paper", paper);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  begin(frame) {
+    const { gl, canvas } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearBufferuiv(gl.COLOR, 0, [0, 0, 0, 0]);
+  }
+
+  // Which point of the mesh each pixel shows, unless that is known.
+  surface(view) {
+    const { gl, canvas, model } = this;
+    const seen = [canvas.width, canvas.height, ...view.camera].join();
+    if (seen === this.seen) return;
+    const { frame } = this.target("surface", 2, gl.RGBA32UI);
+    this.begin(frame);
+    gl.clearBufferuiv(gl.COLOR, 1, [0, 0, 0, 0]);
+    gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
+    gl.enable(gl.DEPTH_TEST);
+    const made = this.program("surface");
+    gl.useProgram(made.program);
     gl.bindVertexArray(this.vertices);
-    this.place(made, view);
+    this.put(made, "uniformMatrix4fv", "camera", false, view.camera);
+    this.put(made, "uniform3fv", "box_low", model.box.low);
+    this.put(made, "uniform3fv", "box_span", model.box.span);
+    model.pages.forEach((page, i) => {
+      this.put(made, "uniform1ui", "page", i);
+      gl.drawElements(gl.TRIANGLES, 3 * page.count, gl.UNSIGNED_INT, 12 * page.first);
+    });
+    gl.disable(gl.DEPTH_TEST);
+    this.seen = seen;
+  }
+
+  // The colours of all pixels by one method into what is bound.
+  shade(name, view) {
+    const { gl, model } = this;
+    const made = this.program(name);
+    gl.useProgram(made.program);
+    gl.bindVertexArray(this.frame);
+    this.bind(UNITS.places, gl.TEXTURE_2D, this.targets.surface.textures);
     this.put(made, "uniformMatrix4x3fv", "light", false, view.light);
     this.put(made, "uniform3fv", "eye", view.eye);
     this.put(made, "uniform3fv", "specular", view.specular);
@@ -207,15 +214,23 @@ export class Renderer {
     for (const key of ["exposure", "diffuse", "exponent"]) this.put(made, "uniform1f", key, view[key]);
     if (name === "net") {
       this.bindGrids();
-      gl.drawElements(gl.TRIANGLES, this.model.faces.length, gl.UNSIGNED_INT, 0);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
       return;
     }
-    this.model.pages.forEach((page, i) => {
-      gl.activeTexture(gl.TEXTURE0);
-      gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.pages[i]);
+    model.pages.forEach((page, i) => {
+      this.bind(UNITS.transfer_map, gl.TEXTURE_2D_ARRAY, [this.pages[i]]);
       this.put(made, "uniform4fv", "transfer_scale", page.scale);
       this.put(made, "uniform4fv", "transfer_offset", page.offset);
-      gl.drawElements(gl.TRIANGLES, 3 * page.count, gl.UNSIGNED_INT, 12 * page.first);
+      this.put(made, "uniform1ui", "page", i);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    });
+  }
+
+  bind(first, kind, textures) {
+    const gl = this.gl;
+    textures.forEach((texture, i) => {
+      gl.activeTexture(gl.TEXTURE0 + first + i);
+      gl.bindTexture(kind, texture);
     });
   }
 
@@ -227,50 +242,39 @@ export class Renderer {
     });
   }
 
-  // Both methods into float textures, then eight times their difference.
-  compare(view) {
+  // A framebuffer of the canvas's size with so many integer textures, and depth where there are two.
+  target(name, count, format) {
     const { gl, canvas } = this;
     const { width, height } = canvas;
-    this.targets(width, height);
-    ["net", "texture"].forEach((name, i) => {
-      gl.bindFramebuffer(gl.FRAMEBUFFER, this.pair.frames[i]);
-      this.begin(view, width, height, [...view.paper, 0]);
-      this.shade(name, view);
-    });
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.disable(gl.DEPTH_TEST);
-    const made = this.program("difference");
-    gl.useProgram(made.program);
-    this.pair.textures.forEach((texture, i) => {
-      gl.activeTexture(gl.TEXTURE1 + i);
-      gl.bindTexture(gl.TEXTURE_2D, texture);
-    });
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.enable(gl.DEPTH_TEST);
-  }
-
-  targets(width, height) {
-    const gl = this.gl;
-    if (this.pair && this.pair.width === width && this.pair.height === height) return;
-    if (this.pair) {
-      for (const texture of this.pair.textures) gl.deleteTexture(texture);
-      for (const frame of this.pair.frames) gl.deleteFramebuffer(frame);
-    }
-    const depth = gl.createRenderbuffer();
-    gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
-    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
-    const textures = [0, 1].map(() =>
-      this.texture(gl.TEXTURE_2D, gl.NEAREST, () => gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA16F, width, height)),
+    const old = this.targets[name];
+    if (old && old.width === width && old.height === height) return old;
+    if (old) this.drop(old);
+    const textures = Array.from({ length: count }, () =>
+      this.texture(gl.TEXTURE_2D, gl.NEAREST, () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height)),
     );
-    this.pair = { width, height, textures, frames: textures.map((texture) => this.framebuffer(texture, depth)) };
+    const depth = count > 1 ? gl.createRenderbuffer() : null;
+    if (depth) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH24_STENCIL8, width, height);
+    }
+    return (this.targets[name] = { width, height, textures, depth, frame: this.framebuffer(textures, depth) });
   }
 
-  framebuffer(texture, depth) {
+  drop({ frame, textures, depth }) {
+    const gl = this.gl;
+    gl.deleteFramebuffer(frame);
+    gl.deleteRenderbuffer(depth);
+    for (const texture of textures) gl.deleteTexture(texture);
+  }
+
+  framebuffer(textures, depth) {
     const gl = this.gl;
     const frame = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-    if (depth) gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
+    const places = textures.map((_, i) => gl.COLOR_ATTACHMENT0 + i);
+    textures.forEach((texture, i) => gl.framebufferTexture2D(gl.FRAMEBUFFER, places[i], gl.TEXTURE_2D, texture, 0));
+    gl.drawBuffers(places);
+    if (depth) gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_STENCIL_ATTACHMENT, gl.RENDERBUFFER, depth);
     return frame;
   }
 

@@ -8,18 +8,17 @@ precision highp sampler2DArray;
 `;
 
 // Positions and normals come in 16 bits: see prtnet/export/packing.py.
-export const SURFACE = `${HEAD}
+export const VERTICES = `${HEAD}
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec2 in_normal;
 layout(location = 2) in vec2 in_uv;
 layout(location = 3) in vec3 in_albedo;
 uniform mat4 camera;
 uniform vec3 box_low, box_span;
-centroid out vec3 position;
-centroid out vec3 normal;
-centroid out vec2 atlas_uv;
-centroid out vec3 own_albedo;
-invariant gl_Position;
+out vec3 position;
+out vec3 normal;
+out vec2 atlas_uv;
+out vec3 albedo;
 
 void main() {
   vec2 place = in_normal * 2.0 - 1.0;
@@ -29,13 +28,43 @@ void main() {
   normal = normalize(found);
   position = in_position * box_span + box_low;
   atlas_uv = in_uv;
-  own_albedo = in_albedo;
+  albedo = in_albedo;
   gl_Position = camera * vec4(position, 1.0);
 }
 `;
 
-export const DEPTH = `${HEAD}
-void main() {}
+// What each pixel shows, as bits in integers: every WebGL 2 can draw those, but not floats.
+export const SURFACE = `${HEAD}
+uniform uint page;
+in vec3 position;
+in vec3 normal;
+in vec2 atlas_uv;
+in vec3 albedo;
+layout(location = 0) out uvec4 place;
+layout(location = 1) out uvec4 finish;
+
+void main() {
+  vec3 n = normalize(normal);
+  vec2 flat_n = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+  if (n.z < 0.0) flat_n = (1.0 - abs(flat_n.yx)) * vec2(flat_n.x < 0.0 ? -1.0 : 1.0, flat_n.y < 0.0 ? -1.0 : 1.0);
+  place = uvec4(floatBitsToUint(position), packSnorm2x16(flat_n));
+  uint last = packHalf2x16(vec2(albedo.b, 0.0)) | (page + 1u) << 16;
+  finish = uvec4(floatBitsToUint(atlas_uv), packHalf2x16(albedo.rg), last);
+}
+`;
+
+// The inverse of SURFACE.
+const PIXEL = `
+uniform highp usampler2D places, finishes;
+uint page_of(uvec4 finish) { return finish.w >> 16; }
+vec3 albedo_of(uvec4 finish) { return vec3(unpackHalf2x16(finish.z), unpackHalf2x16(finish.w & 0xffffu).x); }
+vec3 normal_of(uint bits) {
+  vec2 flat_n = unpackSnorm2x16(bits);
+  vec3 n = vec3(flat_n, 1.0 - abs(flat_n.x) - abs(flat_n.y));
+  float away = max(-n.z, 0.0);
+  n.xy -= vec2(n.x < 0.0 ? -away : away, n.y < 0.0 ? -away : away);
+  return normalize(n);
+}
 `;
 
 export const FRAME = `${HEAD}
@@ -45,13 +74,26 @@ void main() {
 }
 `;
 
-// Eight times what two pictures differ by, as they are shown; dark where nothing is.
-export const DIFFERENCE = `${HEAD}
-uniform sampler2D first, second;
+// A picture in 16 bits on the page's own colour.
+export const SHOWN = `${HEAD}
+uniform highp usampler2D first;
+uniform vec3 paper;
 out vec4 colour;
 void main() {
-  vec4 a = texelFetch(first, ivec2(gl_FragCoord.xy), 0), b = texelFetch(second, ivec2(gl_FragCoord.xy), 0);
-  colour = vec4(8.0 * abs(a.rgb - b.rgb) + (a.a < 0.5 ? 0.15 * a.rgb : vec3(0.0)), 1.0);
+  uvec4 found = texelFetch(first, ivec2(gl_FragCoord.xy), 0);
+  colour = vec4(found.a == 0u ? paper : vec3(found.rgb) / 65535.0, 1.0);
+}
+`;
+
+// Eight times what two of them differ by; dark where nothing is.
+export const DIFFERENCE = `${HEAD}
+uniform highp usampler2D first, second;
+uniform vec3 paper;
+out vec4 colour;
+void main() {
+  uvec4 a = texelFetch(first, ivec2(gl_FragCoord.xy), 0), b = texelFetch(second, ivec2(gl_FragCoord.xy), 0);
+  vec3 apart = abs(vec3(a.rgb) - vec3(b.rgb)) / 65535.0;
+  colour = vec4(a.a == 0u ? 0.15 * paper : 8.0 * apart, 1.0);
 }
 `;
 
@@ -72,12 +114,12 @@ function received(layers, groups) {
 
 function textureTransfer(count) {
   const lines = names(count).map(
-    (name, i) => `  ${name} = texture(transfer_map, vec3(atlas_uv, ${i}.0)) * transfer_scale[${i}] + transfer_offset[${i}];`,
+    (name, i) => `  ${name} = textureLod(transfer_map, vec3(atlas_uv, ${i}.0), 0.0) * transfer_scale[${i}] + transfer_offset[${i}];`,
   );
   return lines.join("\n");
 }
 
-// The fragment shader of a method, `net` or `texture`: radiance to the eye, exposed, as sRGB.
+// The fragment shader of a method, `net` or `texture`: radiance to the eye, exposed, as sRGB in 16 bits.
 export function method(name, { layers, groups, functions }) {
   const all = names(layers * groups);
   const net = name === "net";
@@ -85,25 +127,27 @@ export function method(name, { layers, groups, functions }) {
     ? functions.net
     : `uniform sampler2DArray transfer_map;
 uniform vec4 transfer_scale[${all.length}], transfer_offset[${all.length}];
+uniform uint page;
 `;
+  const skipped = net ? "page_of(finish) == 0u" : "page_of(finish) != page + 1u";
   const transfer = net ? `  prt_transfer(position, n, ${all.join(", ")});` : textureTransfer(all.length);
   return `${HEAD}
 uniform mat4x3 light[${layers}];
 uniform vec3 eye, specular;
 uniform vec4 paint;
 uniform float exposure, diffuse, exponent;
-centroid in vec3 position;
-centroid in vec3 normal;
-centroid in vec2 atlas_uv;
-centroid in vec3 own_albedo;
-out vec4 colour;
+out uvec4 colour;
+${PIXEL}
 ${declared}
 ${functions.gloss}
 void main() {
-  vec3 n = normalize(normal);
+  uvec4 place = texelFetch(places, ivec2(gl_FragCoord.xy), 0), finish = texelFetch(finishes, ivec2(gl_FragCoord.xy), 0);
+  if (${skipped}) discard;
+  vec3 position = uintBitsToFloat(place.xyz), n = normal_of(place.w);
+  vec2 atlas_uv = uintBitsToFloat(finish.xy);
   vec4 ${all.join(", ")};
 ${transfer}
-  vec3 albedo = mix(own_albedo, paint.rgb, paint.a);
+  vec3 albedo = mix(albedo_of(finish), paint.rgb, paint.a);
   vec3 radiance = ${(1 / Math.PI).toPrecision(9)} * diffuse * albedo * (${received(layers, groups)});
   if (specular != vec3(0.0)) {
     vec3 mirrored = reflect(normalize(position - eye), n);
@@ -111,7 +155,8 @@ ${transfer}
   }
   vec3 shown = clamp(exposure * radiance, 0.0, 1.0);
   vec3 dark = 12.92 * shown, bright = 1.055 * pow(max(shown, 1e-9), vec3(1.0 / 2.4)) - 0.055;
-  colour = vec4(mix(bright, dark, lessThanEqual(shown, vec3(0.0031308))), 1.0);
+  vec3 coded = mix(bright, dark, lessThanEqual(shown, vec3(0.0031308)));
+  colour = uvec4(65535.0 * vec4(coded, 1.0) + 0.5);
 }
 `;
 }
@@ -123,13 +168,13 @@ export function points({ layers, groups, functions }) {
   return `${HEAD}
 uniform sampler2D positions, normals;
 uniform int chosen;
-out vec4 colour;
+out uvec4 colour;
 ${functions.net}
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
   vec4 ${all.join(", ")};
   prt_transfer(texelFetch(positions, pixel, 0).xyz, texelFetch(normals, pixel, 0).xyz, ${all.join(", ")});
-  colour = ${picked};
+  colour = floatBitsToUint(${picked});
 }
 `;
 }

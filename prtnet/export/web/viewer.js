@@ -6,7 +6,8 @@ import { turned } from "./sh.js";
 
 const MOVING = 50; // milliseconds that a frame may take while something moves; fewer pixels are drawn where it takes more
 const RESTING = 1500; // and when nothing does
-const SETTLE = 180; // milliseconds of rest until a coarse frame is drawn again
+const SMOOTH = 40; // and with four times the pixels, which smooth the edges
+const SETTLE = 180; // milliseconds of rest until the frame is drawn again as those at rest are
 const COARSEST = 0.2;
 
 export class Viewer {
@@ -27,11 +28,11 @@ export class Viewer {
     this.relight();
   }
 
-  // Changes some of the state and draws.
-  set(values) {
+  // Changes some of the state and draws; `moving`: as in `changed`.
+  set(values, moving = false) {
     Object.assign(this.state, values);
     if ("light" in values || "turn" in values) this.relight();
-    this.changed();
+    this.changed(moving);
   }
 
   relight() {
@@ -48,10 +49,14 @@ export class Viewer {
   // A frame is due. `moving`: more will follow.
   changed(moving = false) {
     clearTimeout(this.rest);
-    this.detail = this.affordable(moving ? MOVING : RESTING);
+    this.detail = moving ? this.affordable(MOVING) : this.resting();
     this.moving = moving;
-    if (moving && this.detail < 1) this.rest = setTimeout(() => this.changed(), SETTLE);
+    if (moving) this.rest = setTimeout(() => this.changed(), SETTLE);
     if (!this.pending) this.pending = requestAnimationFrame(() => this.frame());
+  }
+
+  resting() {
+    return this.affordable(SMOOTH / 4) === 1 && !this.full ? 2 : this.affordable(RESTING);
   }
 
   // The share of the pixels along each side that a frame of so many milliseconds has.
@@ -82,14 +87,14 @@ export class Viewer {
     this.frames += 1;
     this.drawn(took);
     // a coarse frame says more than it takes: what does not depend on the pixels looks as if it did
-    if (!this.moving && this.affordable(RESTING) > 1.2 * this.detail) this.changed();
+    if (!this.moving && this.resting() > 1.2 * this.detail) this.changed();
   }
 
   // The canvas in the screen's own pixels.
   fit() {
     const { canvas, gl } = this.renderer;
     const most = gl.getParameter(gl.MAX_RENDERBUFFER_SIZE);
-    const dense = Math.min(window.devicePixelRatio || 1, 2) * this.detail;
+    const dense = Math.min((window.devicePixelRatio || 1) * this.detail, 2);
     const size = (length) => Math.max(1, Math.min(most, Math.round(length * dense)));
     const [width, height] = [size(canvas.clientWidth), size(canvas.clientHeight)];
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

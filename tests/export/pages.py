@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from prtnet import sh
-from prtnet.data import atlas, builtin, light, texture
+from prtnet.data import atlas, atlas_set, builtin, light, texture
 from prtnet.data.atlas import Atlas
 from prtnet.data.texture import Page
 from prtnet.export import web
@@ -39,15 +39,21 @@ class Small:
         return path.as_uri()
 
 
-def small(groups: int = 1) -> Small:
-    """A box of two lit walls: transfer without shadows in the texture, a net that has learned nothing."""
+def small(groups: int = 1, *, sets: bool = False) -> Small:
+    """A box of two lit walls: transfer without shadows in the texture, a net that has learned nothing.
+
+    `sets`: a texture for each part.
+    """
     scene = builtin.make("cornell", tessellation=0.25).centred()
-    made = atlas.make(scene, size=SIDE)
-    texels = texture.gbuffer(made, SIDE)
-    lobe = np.tile(sh.cosine_lobe(texels.normals, BANDS), groups)
+    make = atlas_set.make if sets else atlas.make
+    made = make(scene, size=SIDE, single_chart=False, unwrap_mode="auto", padding=1)
+    pages = [
+        texture.page(texels, np.tile(sh.cosine_lobe(texels.normals, BANDS), groups), dilation=1)
+        for texels in texture.gbuffers(made, SIDE)
+    ]
     features = {"grids": (random_grid(4, 3, 2, channels=8),), "hashes": (random_hash(8),)}
     net = random_net(width=8, depth=1, bands=BANDS, groups=groups, residual=True, output_scale=0.3, **features)
     lights = [
         PageLight(name, light.by_name(name).coefficients(BANDS), exposure) for name, exposure in EXPOSURES.items()
     ]
-    return Small(net, made, (texture.page(texels, lobe, dilation=1),), lights)
+    return Small(net, made, tuple(pages), lights)

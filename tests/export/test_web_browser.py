@@ -5,8 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 
 from prtnet import netspec, score, sh
+from prtnet.data import quantise
 from prtnet.data.light import about_y
 from prtnet.export import browser
 from prtnet.export.browser import Browser
@@ -15,7 +17,7 @@ from prtnet.render.gbuffer import shade
 from prtnet.render.material import DIFFUSE, Material
 from prtnet.render.method import TextureMethod
 from prtnet.render.raster import Raster
-from tests.export.pages import BANDS, LOOK, small
+from tests.export.pages import BANDS, LOOK, SIDE, small
 from tests.export.test_web import HOSTILE
 from tests.nets import random_points
 
@@ -61,6 +63,14 @@ def page(opened):
 @pytest.fixture(scope="module")
 def raster(scene):
     return Raster(scene.atlas, SIZE)
+
+
+def start(page, address):
+    """Open another page, as it is before each test."""
+    page.goto(address)
+    page.evaluate("prtnet.ready")
+    page.evaluate(STAGE)
+    page.evaluate(FRESH)
 
 
 def pixels(page):
@@ -138,6 +148,19 @@ def test_pixels_of_the_texture(page, scene, raster):
     drawn = method.draw(camera_of(page), scene.lights[0].coefficients)
     _, where = predicted(scene, raster, camera_of(page))
     assert_alike(pixels(page), score.tone_map(drawn, scene.lights[0].exposure), where)
+
+
+def test_texels_and_their_borders(page, scene):
+    """As Python dilates them, but that the page blends bytes: one step at most."""
+    image = "prtnet.renderer.model.pages[0].images[{}]"
+    found = [np.array(page.evaluate(f"Array.from({image.format(layer)})")) for layer in range(3)]
+    # rows come from the bottom up
+    found = np.concatenate([each.reshape(SIDE, SIDE, 4)[::-1] for each in found], axis=2)[..., : BANDS**2]
+    expected = quantise.encode(scene.pages[0].levels, scene.pages[0].used, "uint8").levels[0].astype(int)
+    near = binary_dilation(scene.pages[0].used, np.ones((3, 3), bool))
+    assert np.array_equal(found[scene.pages[0].used], expected[scene.pages[0].used])
+    assert np.abs(found - expected)[near].max() <= 1
+    assert near.sum() > scene.pages[0].used.sum()
 
 
 def test_gloss(page, scene, raster):
@@ -270,15 +293,23 @@ def test_the_console_is_clean_and_nothing_leaves(opened):
 
 def test_light_between_surfaces(tmp_path, opened, raster):
     lit = small(groups=4)
-    opened.goto(lit.write(tmp_path / "groups.html"))
-    opened.evaluate("prtnet.ready")
-    opened.evaluate(STAGE)
-    opened.evaluate(FRESH)
+    start(opened, lit.write(tmp_path / "groups.html"))
     gbuffer = raster.gbuffer(camera_of(opened))
     transfer = netspec.evaluate_unit(lit.net, gbuffer.positions.astype(np.float64), gbuffer.normals)
     image = shade(gbuffer, transfer, lit.lights[0].coefficients, groups=4)
     assert_alike(pixels(opened), score.tone_map(image, lit.lights[0].exposure), inside(gbuffer))
     assert opened.evaluate("prtnet.certify().error_max") < 1e-5
+
+
+def test_a_texture_for_each_part(tmp_path, opened):
+    parts = small(sets=True)
+    assert len(parts.pages) > 2
+    start(opened, parts.write(tmp_path / "parts.html"))
+    opened.evaluate("prtnet.controls.set({ method: 'texture' })")
+    drawing = Raster(parts.atlas, SIZE)
+    drawn = TextureMethod(drawing, parts.pages, texels="uint8").draw(camera_of(opened), parts.lights[0].coefficients)
+    where = inside(drawing.gbuffer(camera_of(opened)))
+    assert_alike(pixels(opened), score.tone_map(drawn, parts.lights[0].exposure), where)
 
 
 def test_without_webgl_the_page_says_so(scene, tmp_path):

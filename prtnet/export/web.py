@@ -161,8 +161,13 @@ def _content(net: NetSpec, atlas: Atlas, pages: Sequence[Page]) -> tuple[dict[st
 
 def _function(net: NetSpec) -> str:
     """`prt_transfer` without its comments, which repeat the scene's name."""
-    lines = glsl.emit(net, version="300 es").split("\n")
-    return "\n".join(line for line in lines if not line.startswith("//"))
+    lines = glsl.emit(net, version="300 es", storage="literal").split("\n")
+    text = "\n".join(line for line in lines if not line.startswith("//"))
+    if not re.search(r"void prt_transfer\(vec3 position, vec3 normal, out", text):
+        raise PrtnetError(
+            "web page: found a net that takes more than position and normal, expected one without atlas features"
+        )
+    return text
 
 
 def _mesh(atlas: Atlas) -> tuple[dict[str, Any], dict[str, Block]]:

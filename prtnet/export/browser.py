@@ -44,16 +44,21 @@ def find() -> str | None:
     return next(filter(None, map(shutil.which, PROGRAMS)), None)
 
 
+class NoBrowser(PrtnetError):
+    """There is no Chromium, or it does not start."""
+
+
 class Browser:
     """One page of a browser of its own; ends it at the end of a `with` block.
 
-    `seconds` is how long each answer may take. Raises PrtnetError where there is no Chromium or it does not answer.
+    `seconds` is how long each answer may take. Raises NoBrowser where there is none that starts, and PrtnetError
+    where it does not answer.
     """
 
     def __init__(self, *flags: str, size: tuple[int, int] = (960, 600), scale: float = 1, seconds: float = 120):
         program = find()
         if program is None:
-            raise PrtnetError("browser: found no Chromium, expected one on the path; apt-get install chromium")
+            raise NoBrowser("browser: found no Chromium, expected one on the path; apt-get install chromium")
         self.seconds = seconds
         self.events: list[dict[str, Any]] = []
         self._answers: dict[int, dict[str, Any]] = {}
@@ -62,8 +67,10 @@ class Browser:
         self._start(program, flags)
         try:
             self._open(size, scale)
-        except BaseException:
+        except BaseException as error:
             self.close()
+            if isinstance(error, PrtnetError):
+                raise NoBrowser(f"browser: found {program} not to start ({error}), expected one that does") from None
             raise
 
     def __enter__(self) -> "Browser":

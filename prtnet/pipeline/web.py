@@ -12,8 +12,8 @@ import numpy as np
 from prtnet import PrtnetError, console, netspec, score, sh, store
 from prtnet.data import light as lights
 from prtnet.data.light import Light
-from prtnet.export import browser, web
-from prtnet.export.browser import Browser
+from prtnet.export import web
+from prtnet.export.browser import Browser, NoBrowser
 from prtnet.export.web import Certificate, Cost, Look, PageLight
 from prtnet.netspec import NetSpec
 from prtnet.pipeline.bake import Baked, BakedTexture, bake_texture
@@ -72,13 +72,14 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
 
 
 def measured(text: str) -> Certificate:
-    """The certificate of a page's text: run in Chromium where that is found."""
-    if browser.find() is None:
-        return Certificate(reason="no browser was found")
+    """The certificate of a page's text: run in Chromium where there is one that starts."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / NAME
         path.write_text(text, encoding="utf-8")
-        return Certificate(measure(path))
+        try:
+            return Certificate(measure(path))
+        except NoBrowser as error:
+            return Certificate(reason=str(error))
 
 
 def measure(page: Path) -> dict[str, Any]:
@@ -86,7 +87,7 @@ def measure(page: Path) -> dict[str, Any]:
     seconds until the first picture and until it is ready, the frame's size and milliseconds by each method, browser and
     device.
 
-    Raises PrtnetError where the page does not start.
+    Raises NoBrowser, or PrtnetError where the page does not start.
     """
     with Browser(size=FRAME) as found:
         start = time.perf_counter()

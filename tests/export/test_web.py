@@ -134,5 +134,14 @@ def test_nets_too_large_for_literals_are_refused(made):
 
 def test_without_chromium_that_is_said(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(PrtnetError, match="apt-get install chromium"):
+    with pytest.raises(browser.NoBrowser, match="apt-get install chromium"):
+        browser.Browser()
+
+
+def test_a_browser_that_does_not_start_is_none(monkeypatch, tmp_path):
+    broken = tmp_path / "chromium"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setattr(browser, "find", lambda: str(broken))
+    with pytest.raises(browser.NoBrowser, match="not to start"):
         browser.Browser()

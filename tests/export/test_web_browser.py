@@ -264,6 +264,22 @@ def test_dense_screens_get_all_their_pixels(page):
     assert pixels(page).shape == (SIZE, SIZE, 3)
 
 
+@pytest.mark.parametrize("size", [(400, 800), (1280, 720), (320, 480)])
+def test_controls_leave_the_picture_free(page, size):
+    page.evaluate("document.getElementById('stage').removeAttribute('style')")
+    page.resize(size, 1)
+    boxes = [(*place(page, name, (0, 0)), *place(page, name, (1, 1))) for name in ("view", "controls")]
+    page.resize((900, 600), 1)
+    page.evaluate(STAGE)
+    (left, top, right, bottom), (first, above, _, _) = boxes
+    assert above >= bottom or first >= right
+    assert left >= 0
+    assert right <= size[0]
+    assert right - left > 0.6 * size[0]
+    assert 0 <= top < bottom <= size[1]
+    assert (bottom - top) * (right - left) > 0.35 * size[0] * size[1]
+
+
 def test_a_lost_context_comes_back(page):
     before = pixels(page)
     page.evaluate("window.taken = prtnet.renderer.gl.getExtension('WEBGL_lose_context'); taken.loseContext()")

@@ -47,7 +47,7 @@ def test_a_run_gets_a_page(trained, no_browser):
     assert names[0] == job.light.name
     assert len(set(names)) == len(names) > 4
     assert found["certificate"] is None
-    assert "no browser" in found["unmeasured"]
+    assert "found no Chromium" in found["unmeasured"]
     assert about(web.write_page(*trained, side=None))["pages"][0]["side"] == job.config.atlas.size
 
 

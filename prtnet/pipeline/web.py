@@ -1,5 +1,6 @@
 """The web page of a run: its net beside a texture, under several lights, checked in a browser where there is one."""
 
+import hashlib
 import logging
 import tempfile
 import time
@@ -58,7 +59,7 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
         found = replace(certificate, notes=_notes(job))
         return web.page(trained.net, texture.atlas, texture.pages, certificate=found, **arguments)
 
-    certificate = measured(made(Certificate(reason="not yet")))
+    certificate = measured(job, made(Certificate(reason="not yet")))
     error = certificate.measured["error_max"] if certificate.measured else 0.0
     if not error <= TOLERANCE:
         raise PrtnetError(
@@ -71,15 +72,19 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     return path
 
 
-def measured(text: str) -> Certificate:
-    """The certificate of a page's text: run in Chromium where there is one that starts."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / NAME
-        path.write_text(text, encoding="utf-8")
-        try:
-            return Certificate(measure(path))
-        except NoBrowser as error:
-            return Certificate(reason=str(error))
+def measured(job: Job, text: str) -> Certificate:
+    """The certificate of a page's text: run in Chromium where there is one that starts, once for each text."""
+
+    def run() -> tuple[dict[str, Array], dict[str, Any]]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / NAME
+            path.write_text(text, encoding="utf-8")
+            return {}, measure(path)
+
+    try:
+        return Certificate(job.store.make("page", {"page": hashlib.sha256(text.encode()).hexdigest()}, run).facts)
+    except NoBrowser as error:
+        return Certificate(reason=str(error))
 
 
 def measure(page: Path) -> dict[str, Any]:
@@ -98,6 +103,8 @@ def measure(page: Path) -> dict[str, Any]:
             message = found.evaluate("document.getElementById('message').textContent")
             raise PrtnetError(f"web page: found {message!r} in the browser, expected a picture")
         facts = found.evaluate("prtnet.certify()")
+        # JSON has no NaN
+        facts["error_max"] = np.inf if facts["error_max"] is None else facts["error_max"]
         times = found.evaluate("prtnet.viewer.time(3)")
         facts |= {"ready_seconds": round(ready, 2), "first_seconds": found.evaluate("prtnet.first_ms") / 1000}
         size = found.evaluate("[prtnet.renderer.canvas.width, prtnet.renderer.canvas.height]")

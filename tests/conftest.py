@@ -26,12 +26,17 @@ install_import_hook(_modules(), "tests.shapes.check")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--gpu", action="store_true", help="run the tests that need a GPU")
+    parser.addoption("--cuda", action="store_true", help="run the tests that need the CUDA toolkit")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--gpu"):
-        return
-    skip = pytest.mark.skip(reason="needs a GPU: ./run gpu-check on a machine that has one")
-    for item in items:
-        if "gpu" in item.keywords:
-            item.add_marker(skip)
+    reasons = {
+        "gpu": "needs a GPU: ./run gpu-check on a machine that has one",
+        "cuda": "needs the CUDA toolkit, and minutes: ./run cuda-test",
+    }
+    for word, reason in reasons.items():
+        if config.getoption(f"--{word}"):
+            continue
+        for item in items:
+            if item.get_closest_marker(word):
+                item.add_marker(pytest.mark.skip(reason=reason))

@@ -102,8 +102,10 @@ PRT_KERNEL(prt_gloss, Gloss, PRT_SHADE_THREADS) {
     }
     const float *transfer = a.transfer + size_t(point) * PRT_OUTPUTS;
     float red = 0.0f, green = 0.0f, blue = 0.0f;
+#pragma unroll 1
     for (int i = 0; i < PRT_COUNT; ++i) {
         float r = 0.0f, g = 0.0f, b = 0.0f;
+#pragma unroll 4
         for (int k = 0; k < PRT_RADIANCE; ++k) {
             const float4 entry = a.matrix[i * PRT_RADIANCE + k];
             const float value = lobe[k * PRT_SHADE_THREADS];

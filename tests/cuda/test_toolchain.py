@@ -1,0 +1,53 @@
+"""What needs nvcc: `./run cuda-test`. No GPU is asked for."""
+
+import shutil
+
+import pytest
+
+from prtnet import PrtnetError
+from prtnet.export import cuda, cuda_build
+from tests.cuda.test_transfer import DEFAULT, NETS
+from tests.nets import random_net
+
+pytestmark = [
+    pytest.mark.cuda,
+    pytest.mark.skipif(shutil.which("nvcc") is None, reason="no nvcc on the PATH: install the CUDA toolkit"),
+]
+ARCHITECTURES = ["sm_75", "sm_86", "sm_90"]
+KERNELS = {"prt_pack", "prt_transfer", "prt_diffuse", "prt_gloss", "prt_unpack"}
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+@pytest.mark.parametrize("width", [32, 64, 128, 256, 512])
+def test_kernels_keep_to_their_registers(width, architecture):
+    _check(cuda.source(random_net(width=width, depth=4, **DEFAULT)), architecture)
+
+
+@pytest.mark.parametrize("name", NETS)
+def test_every_net_compiles_without_spills(name):
+    _check(cuda.source(random_net(**NETS[name])), "sm_75")
+
+
+def _check(source: str, architecture: str) -> None:
+    code, resources = cuda_build.nvcc(source, architecture)
+    assert code.startswith(b"\x7fELF")
+    assert resources.keys() == KERNELS
+    for kernel, found in resources.items():
+        print(architecture, kernel, found)
+        assert (found.stack, found.spilled) == (0, 0), kernel
+        assert found.registers <= 168, kernel  # three blocks of 128 threads for each multiprocessor
+        assert found.shared <= cuda.SHARED_BYTES, kernel
+
+
+def test_a_spill_is_seen():
+    """With a block of 1024 threads promised three times over, registers do not suffice."""
+    source = cuda.source(random_net(width=128, **DEFAULT))
+    _, resources = cuda_build.nvcc(
+        source.replace("__launch_bounds__(threads)", "__launch_bounds__(threads, 12)"), "sm_75"
+    )
+    assert resources["prt_transfer"].spilled > 0
+
+
+def test_an_error_has_the_compilers_words():
+    with pytest.raises(PrtnetError, match="sinecosine"):
+        cuda_build.nvcc(cuda.source(random_net(width=4)).replace("sincospif(", "sinecosine("), "sm_75")

@@ -8,6 +8,7 @@ and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -91,18 +92,22 @@ class Raster:
         *,
         prepass: bool = True,
         before: Callable[[Group], None] | None = None,
+        target: gl.Target | None = None,
     ) -> None:
-        """Draw into the frame, calling `before` ahead of each group. Without `prepass` all fragments that are nearest
-        so far are shaded: the plain twin."""
-        context, framebuffer = gl.context(), self.target.framebuffer
+        """Draw into the frame, or another target of its size, calling `before` ahead of each group. Without `prepass`
+        all fragments that are nearest so far are shaded: the plain twin."""
+        target = target or self.target
+        context, framebuffer = gl.context(), target.framebuffer
         matrix = camera.matrix(self.aspect).T
-        self._begin()
+        self._begin(target)
         if prepass:
             gl.put(self._depth, camera=matrix)
-            framebuffer.color_mask = False, False, False, False
+            everything = framebuffer.color_mask
+            nothing: Any = (False, False, False, False)
+            framebuffer.color_mask = nothing if target.layers == 1 else (nothing,) * target.layers
             for _, mesh in self._depth_draws:
                 mesh.render()
-            framebuffer.color_mask = True, True, True, True
+            framebuffer.color_mask = everything
             framebuffer.depth_mask = False
             context.depth_func = "=="
         gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, normal_map=NORMAL_UNIT)
@@ -114,15 +119,15 @@ class Raster:
             mesh.render()
         framebuffer.depth_mask = True
 
-    def _begin(self) -> None:
-        self.target.clear()
+    def _begin(self, target: gl.Target) -> None:
+        target.clear()
         gl.context().enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         # of coincident faces the one drawn last wins, with and without a pre-pass
         gl.context().depth_func = "<="
 
     def faces(self, camera: Camera) -> Float32[Array, "h w 4"]:
         """(face + 1, b1, b2, 1): the face of atlas.scene that each pixel shows, and where on it; 0 where none."""
-        self._begin()
+        self._begin(self.target)
         gl.put(self._ids, camera=camera.matrix(self.aspect).T)
         self._ids_draw.render(moderngl.TRIANGLES)
         image = self.target.read()

@@ -28,7 +28,7 @@ def cubin(source: str, capability: tuple[int, int]) -> bytes:
     architecture = f"sm_{capability[0]}{capability[1]}"
     if shutil.which("nvcc"):
         return nvcc(source, architecture)[0]
-    library = _nvrtc_library()
+    library = nvrtc_library()
     if library is None:
         raise PrtnetError(
             "CUDA: found neither nvcc on the PATH nor NVRTC, expected one of them: install the CUDA toolkit, or torch "
@@ -84,7 +84,7 @@ def _text(size: Any, get: Any, program: ctypes.c_void_p) -> bytes:
     return buffer.raw
 
 
-def _nvrtc_library() -> str | None:
+def nvrtc_library() -> str | None:
     """NVRTC on the loader's path, or in the packages that torch depends on."""
     for name in ("libnvrtc.so.13", "libnvrtc.so.12", "libnvrtc.so"):
         try:

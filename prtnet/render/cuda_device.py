@@ -28,7 +28,13 @@ class DeviceArray:
     def __init__(self, device: "Device", shape: tuple[int, ...], kind: str):
         self.shape, self.kind, self._device = shape, np.dtype(kind), device
         self.bytes = int(np.prod(shape)) * self.kind.itemsize
-        self._allocation = device.driver.mem_alloc(max(self.bytes, 16))
+        try:
+            self._allocation = device.driver.mem_alloc(max(self.bytes, 16))
+        except device.driver.Error as error:
+            raise PrtnetError(
+                f"CUDA: {device.name} has no room for {self.bytes} bytes ({error}); choose a smaller render.size, or "
+                "end what else runs there"
+            ) from error
         self.address = int(self._allocation)
 
     @property

@@ -170,6 +170,11 @@ def test_textures_that_the_driver_refuses_are_said(device, monkeypatch):
         SharedTexture(device, texture)
 
 
+def test_memory_that_is_not_there_is_said(device):
+    with device.active(), pytest.raises(PrtnetError, match=r"no room for \d+ bytes.*render\.size"):
+        device.array(1 << 20, 1 << 30)
+
+
 def test_a_light_of_other_bands_is_refused(drawing, device, tmp_path):
     method = fused(drawing, device, tmp_path, random_net(**NETS["default recipe"]))
     with pytest.raises(PrtnetError, match="found 16 SH coefficients, expected 9"):

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from prtnet import PrtnetError, netspec, sh
-from prtnet.export import cuda
+from prtnet.export import cuda, cuda_host
+from prtnet.export.cuda_host import HostKernels
 from prtnet.render import material as materials
 from prtnet.render.material import Material, Reflectance
-from tests.cuda.host import compiled, needs_compiler
+from tests.cuda.host import compiled, needs_compiler, survives
 from tests.nets import random_net, random_points
 
 PIXELS = 777  # no whole number of blocks
 EYE = (0.3, 2.0, -1.5)
+GLOSSY = Material(0.7, (0.5, 0.25, 1.0), 20.0, radiance_bands=4)
 
 
 def image(values: np.ndarray, last: np.ndarray | float = 1.0) -> np.ndarray:
@@ -92,17 +94,51 @@ def expected(net, pictures, material: Material, light, *, own: bool) -> np.ndarr
     return picture
 
 
+def check(kernels, pictures) -> None:
+    """Fails where a picture is not what the material says."""
+    light = np.random.default_rng(6).normal(size=(9, 3))
+    for material, own in ((Material(0.7), False), (GLOSSY, False), (GLOSSY, True)):
+        found = drawn(kernels, pictures, material, light, own=own)
+        wanted = expected(kernels.net, pictures, material, light, own=own)
+        np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max(), err_msg=str(material))
+
+
 @needs_compiler
 @pytest.mark.parametrize("groups", [1, 4])
 def test_pixels_become_the_materials_radiance(groups, pictures, tmp_path):
     net = random_net(bands=3, groups=groups, residual=True, output="linear")
-    kernels = compiled(net, tmp_path, radiance_bands=4)
-    light = np.random.default_rng(6).normal(size=(9, 3))
-    glossy = Material(0.7, (0.5, 0.25, 1.0), 20.0, radiance_bands=4)
-    for material, own in ((Material(0.7), False), (glossy, False), (glossy, True)):
-        found = drawn(kernels, pictures, material, light, own=own)
-        wanted = expected(net, pictures, material, light, own=own)
-        np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(wanted).max(), err_msg=str(material))
+    check(compiled(net, tmp_path, radiance_bands=4), pictures)
+
+
+# text that is there once, and what stands there instead
+MISTAKES = {
+    "no barrier before the place of the block is read": ("found[0]);\n    __syncthreads();", "found[0]);"),
+    "no barrier before the block's pixels are counted": ("(found, 1) : 0;\n    __syncthreads();", "(found, 1) : 0;"),
+    "what is not covered is packed": ("a.positions[pixel].w > 0.0f", "a.positions[pixel].w >= 0.0f"),
+    "positions for normals": ("a.packed_normals[3 * point] = normal.x", "a.packed_normals[3 * point] = position.x"),
+    "the direct group for all colours": ("PRT_GROUPS == 4 ? PRT_COUNT : 0", "0"),
+    "no 1 / pi": ("0.318309886f * (a.reflectance", "1.0f * (a.reflectance"),
+    "the material's weight for the point's own": ("a.reflectance ? a.reflectance[pixel].w : a.weight", "a.weight"),
+    "the material's exponent for the point's own": ("a.reflectance ? normal.w : a.exponent", "a.exponent"),
+    "mirrored at the surface": ("size * (x - twice * normal.x)", "size * x"),
+    "a step of the lobe's recurrence": ("(exponent - l + 1.0f)", "(exponent - l)"),
+    "the matrix of the light transposed": ("a.matrix[i * PRT_RADIANCE + k]", "a.matrix[k * PRT_COUNT + i]"),
+    "gloss in the place of the diffuse part": ("radiance.x += own.x * red", "radiance.x = own.x * red"),
+    "points put where they were packed": ("a.picture[a.pixel[point]]", "a.picture[point]"),
+}
+
+
+@needs_compiler
+def test_planted_mistakes_are_found(pictures, tmp_path):
+    net = random_net(bands=3, groups=4, width=4, depth=1, residual=True, output="linear")
+    source, missed = cuda.source(net, 4), []
+    for number, (name, (found, instead)) in enumerate({"none": ("", ""), **MISTAKES}.items()):
+        assert name == "none" or source.count(found) == 1, name
+        changed = source.replace(found, instead) if found else source
+        kernels = HostKernels(net, cuda_host.build(changed, tmp_path / f"{number}.so", "-O0"))
+        if survives(lambda kernels=kernels: check(kernels, pictures) is None):
+            missed.append(name)
+    assert missed == ["none"]
 
 
 @needs_compiler

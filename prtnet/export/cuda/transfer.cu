@@ -283,6 +283,6 @@ PRT_KERNEL(prt_transfer, Transfer, PRT_THREADS) {
 #endif
     for (int job = threadIdx.x; job < PRT_OUTPUTS * PRT_TILE; job += PRT_THREADS) {
         const int q = job / PRT_OUTPUTS, row = job % PRT_OUTPUTS;
-        if (first + q < points) a.transfer[(first + q) * PRT_OUTPUTS + row] = tile[row * PRT_PITCH + q];
+        if (first + q < points) a.transfer[size_t(first + q) * PRT_OUTPUTS + row] = tile[row * PRT_PITCH + q];
     }
 }

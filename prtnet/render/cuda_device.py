@@ -172,5 +172,9 @@ def _pycuda() -> tuple[Any, Any]:
         raise PrtnetError(f"CUDA: found no NVIDIA driver ({found}), expected a machine with a GPU and its driver")
     if "GL extension" in found:
         raise PrtnetError(f"CUDA: pycuda is there without OpenGL ({found}), expected it with; run tools/install_pycuda")
+    if "undefined symbol" in found:
+        raise PrtnetError(
+            f"CUDA: pycuda does not load ({found}), expected one for this driver; run tools/install_pycuda"
+        )
     where = f" in {os.environ['PYTHONPATH']}" if os.environ.get("PYTHONPATH") else ""
     raise PrtnetError(f"CUDA: found no pycuda{where} ({found}), expected it with OpenGL; run tools/install_pycuda")

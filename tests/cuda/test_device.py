@@ -13,6 +13,7 @@ from prtnet.render import cuda_device
     [
         ("No module named 'pycuda'", "found no pycuda.*tools/install_pycuda"),
         ("PyCUDA was compiled without GL extension support", "without OpenGL.*tools/install_pycuda"),
+        ("_driver.so: undefined symbol: cuCtxCreate_v4", "pycuda does not load.*tools/install_pycuda"),
         ("libcuda.so.1: cannot open shared object file", "found no NVIDIA driver.*expected a machine with a GPU"),
     ],
 )

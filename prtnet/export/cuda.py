@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from prtnet import PrtnetError, sh
+from prtnet.encoding import encoded_size
 from prtnet.export.spelling import number, quads
 from prtnet.netspec import NetSpec
 
@@ -67,6 +68,7 @@ def source(net: NetSpec, radiance_bands: int | None = None) -> str:
 
     Raises PrtnetError for a net that has no room on a GPU's multiprocessor.
     """
+    _check_inputs(net)
     lines = [f"#define PRT_{name} {value}" for name, value in defines(net, radiance_bands).items()]
     texts = [(SOURCES / name).read_text(encoding="utf-8") for name in ("transfer.cu", "shading.cu")]
     return "\n".join([*lines, *texts])
@@ -126,6 +128,17 @@ def parameters(net: NetSpec) -> Float32[Array, " n"]:
         words = np.ascontiguousarray(table.values).reshape(-1).view(np.float32)
         buffer[table.offset : table.offset + len(words)] = words
     return buffer
+
+
+def _check_inputs(net: NetSpec) -> None:
+    found = net.weights[0].shape[1]
+    known = encoded_size(net.position_frequencies, net.normal_frequencies, net.encoding)
+    known += sum(values.shape[-1] for values in (*net.grids, *(each.table for each in net.hashes)))
+    if found != known:
+        raise PrtnetError(
+            f"net for CUDA: found {found} inputs, expected {known}: encoded position and normal, grids and hashed "
+            "grids are all that its kernels know; train a net without other features"
+        )
 
 
 def _rows(net: NetSpec) -> int:

@@ -130,6 +130,13 @@ def test_a_net_too_wide_is_refused():
         cuda.source(random_net(width=513, depth=1))
 
 
+def test_a_net_with_inputs_that_the_kernels_do_not_know_is_refused():
+    net = random_net(width=4, position_frequencies=3)
+    object.__setattr__(net, "position_frequencies", 2)
+    with pytest.raises(PrtnetError, match="found 36 inputs, expected 30: encoded position and normal, grids"):
+        cuda.source(net)
+
+
 def test_without_a_compiler_the_error_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(PrtnetError, match=r"no g\+\+ or clang\+\+.*apt-get install"):

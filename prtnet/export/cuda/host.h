@@ -1,8 +1,8 @@
 // Kernels as functions of the processor, for machines without a GPU: the threads of a block are coroutines.
 //
 // Blocks run one after the other. A thread runs until it ends or reaches __syncthreads(), then the next one goes on: in
-// even blocks from the first thread to the last, in odd ones backwards, so that a barrier that is missing shows whichever
-// way the data goes. Shared memory is NaN at the start of each block, and its ends are watched.
+// even blocks from the first thread to the last, in odd ones backwards, so that a barrier that is missing shows
+// whichever way the data goes. Shared memory is NaN at the start of each block, and its ends are watched.
 // name__on_host(blocks, arguments) gives 0, or what is wrong: 1 threads of a block that do not meet at a barrier,
 // 2 writes outside of shared memory, 3 too much shared memory.
 #pragma once

@@ -1,6 +1,7 @@
 // Pixels to packed points, radiance of these points, and points to a picture; stands behind transfer.cu.
 //
-// Images are (pixels, 4) in float32, in whatever order OpenGL has them. The sums are those of prtnet/render/material.py.
+// Images are (pixels, 4) in float32, in whatever order OpenGL has them. The sums are those of
+// prtnet/render/material.py.
 
 struct Pack {
     const float4 *positions;  // of pixels; w above 0 where a surface is
@@ -117,7 +118,8 @@ PRT_KERNEL(prt_gloss, Gloss, PRT_SHADE_THREADS) {
         green = fmaf(transfer[i], g, green);
         blue = fmaf(transfer[i], b, blue);
     }
-    const float4 own = a.reflectance ? a.reflectance[pixel] : make_float4(a.specular[0], a.specular[1], a.specular[2], 0);
+    float4 own = make_float4(a.specular[0], a.specular[1], a.specular[2], 0.0f);
+    if (a.reflectance) own = a.reflectance[pixel];
     float4 radiance = a.radiance[point];
     radiance.x += own.x * red;
     radiance.y += own.y * green;

@@ -130,8 +130,8 @@ CUresult cuMemsetD32Async(CUdeviceptr at, unsigned value, size_t count, CUstream
 }
 CUresult cuMemsetD32_v2(CUdeviceptr at, unsigned value, size_t count) { return cuMemsetD32Async(at, value, count, 0); }
 
-// Modules: the image says itself how long it is. Each is loaded under a name of its own, for the loader takes a name that
-// it has seen for the library that it has.
+// Modules: the image says itself how long it is. Each is loaded under a name of its own, for the loader takes a name
+// that it has seen for the library that it has.
 CUresult cuModuleLoadDataEx(CUmodule *module, const void *image, unsigned count, CUjit_option *options, void **values) {
     NEED_CONTEXT;
     const Elf64_Ehdr *head = image;

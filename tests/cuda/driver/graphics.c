@@ -1,7 +1,7 @@
 // The emulated driver's OpenGL: mapping a texture reads it into memory, unmapping writes it back.
 //
-// As on a GPU, formats of three channels cannot be registered, and a texture that is mapped is CUDA's alone: its array is
-// there only between map and unmap. Flags are kept to: what is read-only is not written back, and what will be
+// As on a GPU, formats of three channels cannot be registered, and a texture that is mapped is CUDA's alone: its array
+// is there only between map and unmap. Flags are kept to: what is read-only is not written back, and what will be
 // overwritten is not read but NaN.
 #define _GNU_SOURCE
 #include <cuda.h>

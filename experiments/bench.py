@@ -232,7 +232,7 @@ def main() -> None:
     chosen = parser.parse_args()
     rows = BENCHES[chosen.bench](chosen)
     for row in rows:
-        print(f"{row['scene']:28} {row['what']:48} {row['value']:12.3f}")
+        print(f"{row['scene']:36} {row['what']:48} {row['value']:12.3f}")
     RESULTS.mkdir(parents=True, exist_ok=True)
     load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the end"
     with (RESULTS / f"bench_{chosen.bench}.csv").open("w", newline="") as file:

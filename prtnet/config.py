@@ -116,6 +116,8 @@ class ExportOptions:
     precision: str = "float32"  # of weights and biases, or float16
     digits: int = 9  # of literals, 4 to 9; 9 say every float32
     lightmap: bool = False  # lightmap.glb for engines, with the run's light baked in, its images beside it
+    web: bool = False  # the run as one HTML file as well, page.html
+    web_texture: int | None = 512  # texels along one side of its texture; atlas.size when left out
 
 
 @dataclass

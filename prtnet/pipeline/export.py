@@ -20,6 +20,7 @@ from prtnet.pipeline.candidates import form_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.lightmap import write_lightmap
 from prtnet.pipeline.train import Trained
+from prtnet.pipeline.web import write_page
 from prtnet.render import certify, verify
 
 log = logging.getLogger(__name__)
@@ -51,6 +52,8 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
         _write_vertices(job, baked.mesh)
     if job.config.export.lightmap:
         write_lightmap(job, baked.texture)
+    if job.config.export.web:
+        write_page(job, baked, trained, side=job.config.export.web_texture)
     return exported
 
 

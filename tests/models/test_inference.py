@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from prtnet import netspec
+from prtnet import PrtnetError, netspec
 from prtnet.models import inference
 from prtnet.models.inference import Inference
 from prtnet.netspec import ACTIVATIONS
-from tests.nets import random_grid, random_hash, random_net, random_points
+from tests.nets import random_grid, random_hash, random_net, random_points, random_texels
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)
@@ -36,6 +36,15 @@ def test_every_part_of_a_net_is_its_twins(fields):
     net = random_net(width=16, **fields)
     points = random_points(700)
     np.testing.assert_allclose(Inference(net)(*points), netspec.evaluate_unit(net, *points), atol=1e-5)
+
+
+def test_texels_are_looked_up():
+    net, points = random_net(width=16, texels=(random_texels(9, 7),)), random_points(700)
+    uv = np.random.default_rng(1).random((700, 2), np.float32)
+    wanted = netspec.evaluate_unit(net, *points, uv=uv)
+    np.testing.assert_allclose(Inference(net)(*points, uv), wanted, atol=1e-5)
+    with pytest.raises(PrtnetError, match="found no uv"):
+        Inference(net)(*points)
 
 
 def test_wide_nets_and_more_points_than_one_chunk(monkeypatch):

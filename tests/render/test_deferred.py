@@ -12,7 +12,7 @@ from prtnet.render.gbuffer import shade
 from prtnet.render.material import DIFFUSE, Material, OfPart
 from prtnet.render.method import NetMethod
 from prtnet.render.raster import Raster
-from tests.nets import random_grid, random_hash, random_net
+from tests.nets import random_grid, random_hash, random_net, random_texels
 
 SIZE = 48
 EYE = Camera((0.4, 0.9, 2.6), (0.0, 0.0, 0.0), fov_y=45.0, near=0.1, far=10.0)
@@ -49,9 +49,9 @@ def test_it_draws_what_the_shader_draws(raster, material, groups):
 
 
 def test_it_is_the_plain_twin_of_net_and_shading(raster):
-    net = random_net(width=16, hashes=(random_hash(8),))
+    net = random_net(width=16, hashes=(random_hash(8),), texels=(random_texels(9, 7),))
     light, gbuffer = light_of(DIFFUSE, 5), raster.gbuffer(EYE)
-    transfer = netspec.evaluate_unit(net, gbuffer.positions, gbuffer.normals)
+    transfer = netspec.evaluate_unit(net, gbuffer.positions, gbuffer.normals, uv=gbuffer.uv)
     wanted = shade(gbuffer, transfer, light)
     found = DeferredMethod(raster, net).draw(EYE, light)
     np.testing.assert_allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())

@@ -29,10 +29,12 @@ def test_the_configuration_holds_the_same_figures(name, options):
     assert not left_out or all(asdict(options)[key] == asdict(TrainOptions())[key] for key in left_out)
 
 
-def test_recipes_pass_their_own_check():
-    recipe.check(published())
-    recipe.check(TrainOptions())
-    assert TrainOptions().activation in netspec.ACTIVATIONS
+@pytest.mark.parametrize("file", sorted(CONFIGS.glob("*.yaml")), ids=lambda file: file.stem)
+def test_recipes_pass_their_own_check(file):
+    options = replace(TrainOptions(), **yaml.safe_load(file.read_text()))
+    recipe.check(options)
+    assert options.recipe == file.stem
+    assert options.activation in netspec.ACTIVATIONS
 
 
 @pytest.mark.parametrize(

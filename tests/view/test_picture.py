@@ -8,6 +8,7 @@ import pytest
 from prtnet import gl, score, sh
 from prtnet.pipeline import run
 from prtnet.pipeline.bake import bake
+from prtnet.pipeline.drawn_by import DEFERRED
 from prtnet.pipeline.export import export
 from prtnet.pipeline.job import open_job
 from prtnet.pipeline.methods import make_all
@@ -155,9 +156,9 @@ def test_black_lights_are_black(made):
     assert not made.drawn(state, by).any()
 
 
-def test_a_net_without_a_shader_is_shown(tmp_path):
-    wide = Made(tmp_path, methods=["texture", "net"], model__width=300, model__depth=2, train__steps=2)
-    assert wide.exported.shader is None
+def test_a_net_that_the_cpu_draws_is_shown(tmp_path):
+    wide = Made(tmp_path, methods=["texture", "net"], render__net=DEFERRED, train__steps=2)
+    assert wide.exported.drawn_by == DEFERRED
     state = wide.state()
     by = wide.picture()
     for name in ("2", "G", "]"):

@@ -142,8 +142,13 @@ def _indexed(scene: Scene, corner_uv: Float32[Array, "f 3 2"], overlap: float) -
     rows[:, 0] = scene.faces.ravel()
     rows[:, 1:] = np.clip(corner_uv, 0, 1).astype(np.float32).reshape(-1, 2).view(np.int32)
     _, first, corner = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    vertex = rows[first, 0]
-    indexed = replace(
+    indexed = _with_vertices(scene, rows[first, 0], corner)
+    return Atlas(indexed, rows[first, 1:].copy().view(np.float32), "xatlas", overlap)
+
+
+def _with_vertices(scene: Scene, vertex: Int[Array, " v"], corner: Int[Array, " c"]) -> Scene:
+    """The same faces on copies of the vertices numbered `vertex`; `corner` is which of them each corner has."""
+    return replace(
         scene,
         vertices=scene.vertices[vertex],
         normals=scene.normals[vertex],
@@ -152,4 +157,12 @@ def _indexed(scene: Scene, corner_uv: Float32[Array, "f 3 2"], overlap: float) -
         faces=corner.reshape(-1, 3).astype(np.int32),
         tangents=None if scene.tangents is None else scene.tangents[vertex],
     )
-    return Atlas(indexed, rows[first, 1:].copy().view(np.float32), "xatlas", overlap)
+
+
+def joined(atlas: Atlas, other: Atlas) -> tuple[Atlas, Float32[Array, "v 2"]]:
+    """One mesh for two atlases of a scene: `atlas` with its vertices split where they have several places in `other`,
+    and these places."""
+    pairs = np.stack([atlas.scene.faces.ravel(), other.scene.faces.ravel()], axis=1)
+    vertex, corner = np.unique(pairs, axis=0, return_inverse=True)
+    split = _with_vertices(atlas.scene, vertex[:, 0], corner.ravel())
+    return replace(atlas, scene=split, uv=atlas.uv[vertex[:, 0]]), other.uv[vertex[:, 1]]

@@ -18,15 +18,11 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, netspec, sh
-from prtnet.data import quantise
-from prtnet.data.albedo import albedo
 from prtnet.data.atlas import Atlas
-from prtnet.data.roughness import part_of_vertices
-from prtnet.data.scene import Scene
 from prtnet.data.texture import Page
-from prtnet.export import gloss, glsl, grid, hash_grid, packing
+from prtnet.export import gloss
 from prtnet.export.packing import Block
-from prtnet.export.spelling import quads
+from prtnet.export.web_content import content, numbers
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -37,8 +33,6 @@ MODULES = (
     "unpack", "sh", "ball", "camera", "pointer", "device", "shaders", "model", "renderer", "certify", "viewer",
     "controls", "main",
 )  # fmt: skip
-CHECKED_POINTS = 1024
-UNIFORMS = 16  # vectors beside the light and the texture's range
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +82,23 @@ def page(
     lights: Sequence[PageLight],
     look: Look,
     texture_cost: Cost,
+    net_uv: Float[Array, "v 2"] | None = None,
+    storage: str = "auto",
     title: str | None = None,
     certificate: Certificate | None = None,
 ) -> str:
     """The HTML. `atlas` is in unit coordinates, `pages` are its textures in float.
 
-    Raises PrtnetError for a net that is too large for literals or too many bands for the shader.
+    `net_uv`, the place of each vertex in the atlas that the net was trained with, is for nets with texels, which need
+    it; `storage` of the weights is `auto`, `literal` or `texture` (`prtnet.export.form`). Raises PrtnetError for too
+    many bands for the shader and for what no WebGL 2 has to hold.
     """
     certificate = certificate or Certificate()
-    about, blocks = _content(net, atlas, pages)
+    about, blocks = content(net, atlas, pages, net_uv, storage)
     title = atlas.scene.name if title is None else title
     about |= {
         "lights": [
-            {"name": light.name, "coefficients": _numbers(light.coefficients), "exposure": light.exposure}
+            {"name": light.name, "coefficients": numbers(light.coefficients), "exposure": light.exposure}
             for light in lights
         ],
         "camera": {"eye": look.eye, "target": look.target, "fov": look.fov},
@@ -132,114 +130,6 @@ def as_json(values: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _content(net: NetSpec, atlas: Atlas, pages: Sequence[Page]) -> tuple[dict[str, Any], dict[str, Block]]:
-    """What the page knows of net, mesh and textures, and the arrays."""
-    layers, count = quads(sh.count(net.bands)), sh.count(net.bands)
-    slots = [4 * layers * group + i for group in range(net.groups) for i in range(count)]
-    mesh, blocks = _mesh(atlas)
-    textures, texture_blocks = _textures(pages, slots, 4 * layers * net.groups)
-    features, feature_blocks = _features(net)
-    blocks |= texture_blocks | feature_blocks
-    blocks |= {"net": packing.pack_text(_function(net)), "gloss": packing.pack_text(gloss.full(net.bands))}
-    blocks["checks"] = _checks(net)
-    firsts = np.searchsorted(np.sort(atlas.page_of_face), np.arange(len(pages) + 1)).tolist()
-    for each, first, last in zip(textures, firsts[:-1], firsts[1:], strict=True):
-        each |= {"first": first, "count": last - first}
-    upright = sh.rotation_matrix(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), net.bands)
-    about = mesh | {
-        "layers": layers,
-        "groups": net.groups,
-        "slots": slots,
-        "pages": textures,
-        "grids": features,
-        "upright": _numbers(np.where(np.abs(upright) > 1e-12, upright, 0).ravel()),
-        "needs": _needs(layers, net.groups, textures, features),
-        "blocks": {name: block.about() for name, block in blocks.items()},
-    }
-    return about, blocks
-
-
-def _function(net: NetSpec) -> str:
-    """`prt_transfer` without its comments, which repeat the scene's name."""
-    lines = glsl.emit(net, version="300 es", storage="literal").split("\n")
-    text = "\n".join(line for line in lines if not line.startswith("//"))
-    if not re.search(r"void prt_transfer\(vec3 position, vec3 normal, out", text):
-        raise PrtnetError(
-            "web page: found a net that takes more than position and normal, expected one without atlas features"
-        )
-    return text
-
-
-def _mesh(atlas: Atlas) -> tuple[dict[str, Any], dict[str, Block]]:
-    scene = atlas.scene
-    box = packing.box_of(scene.vertices)
-    faces = scene.faces[np.argsort(atlas.page_of_face, kind="stable")]
-    blocks = {
-        "positions": packing.pack(packing.to_steps(scene.vertices, box), delta=True),
-        "normals": packing.pack(packing.to_octahedron(scene.normals), delta=True),
-        "uv": packing.pack(np.rint(atlas.uv.astype(np.float64) * packing.TOP).astype(np.uint16), delta=True),
-        "part": packing.pack(part_of_vertices(scene).astype(np.uint16)[:, None], delta=True),
-        "faces": packing.pack(faces.astype(np.uint32), delta=True),
-    }
-    parts = [{"name": m.name, "albedo": _numbers(c)} for m, c in zip(scene.materials, palette(scene), strict=True)]
-    return {"box": {"low": _numbers(box.low), "span": _numbers(box.span)}, "parts": parts}, blocks
-
-
-def palette(scene: Scene) -> Float32[Array, "p 3"]:
-    """Linear RGB albedo of each part: where it has a texture, the mean over its surface."""
-    found = np.stack([material.albedo for material in scene.materials]).astype(np.float32)
-    for index, material in enumerate(scene.materials):
-        own = np.flatnonzero(scene.part == index)
-        if material.texture is not None and len(own):
-            middle = albedo(scene, own, np.full((len(own), 3), 1 / 3))
-            found[index] = np.average(middle, axis=0, weights=np.maximum(scene.face_areas[own], 1e-20))
-    return found
-
-
-def _textures(pages: Sequence[Page], slots: list[int], channels: int) -> tuple[list[dict], dict[str, Block]]:
-    """Of each page: the side, and how bytes become coefficients; the texels in use, and which they are."""
-    abouts, blocks = [], {}
-    for index, each in enumerate(pages):
-        stored = quantise.encode(each.levels[:1], each.used, "uint8")
-        scale, offset = np.zeros(channels, np.float32), np.zeros(channels, np.float32)
-        scale[slots], offset[slots] = stored.scale, stored.offset
-        abouts.append({"side": len(each.used), "scale": _numbers(scale), "offset": _numbers(offset)})
-        blocks[f"mask{index}"] = packing.pack(np.packbits(each.used.ravel())[:, None])
-        blocks[f"texels{index}"] = packing.pack(packing.predicted(stored.levels[0], each.used))
-    return abouts, blocks
-
-
-def _features(net: NetSpec) -> tuple[list[dict[str, Any]], dict[str, Block]]:
-    """Names and sizes of the net's feature textures, three numbers for a volume, and their texels."""
-    images = [(grid.name(i), grid.texels(values)) for i, values in enumerate(net.grids)]
-    images += [(hash_grid.name(i), hash_grid.texels(each.table)) for i, each in enumerate(net.hashes)]
-    abouts = [{"name": name, "size": list(image.shape[-2::-1])} for name, image in images]
-    return abouts, {f"grid{i}": packing.pack_floats(image) for i, (_, image) in enumerate(images)}
-
-
-def _checks(net: NetSpec) -> Block:
-    """Random points of the whole cube, and what NumPy finds there."""
-    rng = np.random.default_rng(0)
-    normals = rng.normal(size=(CHECKED_POINTS, 3))
-    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
-    positions = rng.uniform(-1, 1, (CHECKED_POINTS, 3)).astype(np.float32)
-    expected = netspec.evaluate_unit(net, positions.astype(np.float64), normals).astype(np.float32)
-    return packing.pack_floats(np.concatenate([positions.ravel(), normals.ravel(), expected.ravel()]))
-
-
-def _needs(layers: int, groups: int, textures: list[dict], features: list[dict]) -> dict[str, int]:
-    """Limits of WebGL 2 by their names, and what the page asks of them."""
-    volumes = [max(each["size"]) for each in features if len(each["size"]) == 3]
-    flats = [max(each["size"]) for each in features if len(each["size"]) == 2]
-    return {
-        "MAX_TEXTURE_SIZE": max([*flats, *(each["side"] for each in textures)]),
-        "MAX_3D_TEXTURE_SIZE": max(volumes, default=0),
-        "MAX_ARRAY_TEXTURE_LAYERS": layers * groups,
-        "MAX_TEXTURE_IMAGE_UNITS": 3 + len(features),
-        "MAX_FRAGMENT_UNIFORM_VECTORS": 4 * layers + 2 * layers * groups + UNIFORMS,
-    }
-
-
 def _lead(net: NetSpec, pages: Sequence[Page]) -> str:
     sides = " + ".join(f"{len(each.used)}²" for each in pages[:3]) + (" + …" if len(pages) > 3 else "")
     return f"Precomputed light transport in a network of {netspec.macs(net):,} multiply-adds, beside a {sides} texture."
@@ -258,11 +148,6 @@ def _notes(atlas: Atlas, pages: Sequence[Page]) -> list[str]:
     if atlas.scene.tangents is not None:
         notes.append("Normal maps are not in this file: surfaces are smooth.")
     return notes
-
-
-def _numbers(values: Float[Array, "..."]) -> Any:
-    """As lists of numbers that read back as the same float32."""
-    return json.loads(json.dumps(np.asarray(values).tolist()), parse_float=lambda text: float(f"{float(text):.9g}"))
 
 
 def _element(name: str, block: Block) -> str:

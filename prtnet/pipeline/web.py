@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from prtnet import PrtnetError, console, netspec, score, sh, store
+from prtnet.data import atlas as atlases
 from prtnet.data import light as lights
+from prtnet.data import unwrap
+from prtnet.data.atlas import Atlas
 from prtnet.data.light import Light
 from prtnet.export import web
 from prtnet.export.browser import Browser, NoBrowser
@@ -50,14 +53,18 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     eye = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)[0]
     look = _look(eye, job.material)
     arguments: dict[str, Any] = {
-        "lights": _lights(job, texture, trained.net, eye, look),
+        "lights": _lights(job, baked.texture.atlas, trained.net, eye, look),
         "look": look,
         "texture_cost": _cost(job, texture),
     }
+    atlas = texture.atlas
+    if trained.net.texels:
+        # the page's texture may have an atlas of its own, and the net knows that of its training
+        atlas, arguments["net_uv"] = atlases.joined(atlas, baked.texture.atlas)
 
     def made(certificate: Certificate) -> str:
         found = replace(certificate, notes=_notes(job))
-        return web.page(trained.net, texture.atlas, texture.pages, certificate=found, **arguments)
+        return web.page(trained.net, atlas, texture.pages, certificate=found, **arguments)
 
     certificate = measured(job, made(Certificate(reason="not yet")))
     error = certificate.measured["error_max"] if certificate.measured else 0.0
@@ -125,7 +132,12 @@ def _texture(job: Job, baked: BakedTexture, side: int | None) -> BakedTexture:
     if side is None or side == options.size:
         return baked
     other = replace(job.config, atlas=replace(options, size=side))
-    return bake_texture(replace(job, config=other))
+    try:
+        return bake_texture(replace(job, config=other))
+    except unwrap.DoesNotFit as error:
+        raise PrtnetError(
+            f"export.web_texture: found {side}, expected more, or null for the {options.size} of atlas.size ({error})"
+        ) from None
 
 
 def _cost(job: Job, texture: BakedTexture) -> Cost:
@@ -150,11 +162,11 @@ def _look(eye: Camera, material: Material) -> Look:
     )
 
 
-def _lights(job: Job, texture: BakedTexture, net: NetSpec, eye: Camera, look: Look) -> list[PageLight]:
+def _lights(job: Job, atlas: Atlas, net: NetSpec, eye: Camera, look: Look) -> list[PageLight]:
     """The job's light, then those by formula, each with its exposure as in the score: 0.9 / P99 of what the net shows
-    in the first view, at the page's first material."""
-    gbuffer = Raster(texture.atlas, EXPOSED_SIZE).gbuffer(eye)
-    transfer = netspec.evaluate_unit(net, gbuffer.positions.astype(np.float64), gbuffer.normals)
+    in the first view, at the page's first material. `atlas` is that of the net's training."""
+    gbuffer = Raster(atlas, EXPOSED_SIZE).gbuffer(eye)
+    transfer = netspec.evaluate_unit(net, gbuffer.positions.astype(np.float64), gbuffer.normals, uv=gbuffer.uv)
     specular = tuple(look.specular * value for value in look.tint)
     material = Material(look.diffuse, specular, look.exponent)
     covered = np.zeros(gbuffer.size**2, bool)

@@ -11,9 +11,9 @@ import pytest
 
 from prtnet import PrtnetError, sh
 from prtnet.data.light import about_y
-from prtnet.export import browser, packing, web
+from prtnet.export import browser, packing, web, web_content
 from prtnet.export.web import Certificate, PageLight
-from tests.export.pages import BANDS, small
+from tests.export.pages import BANDS, over_atlas, small
 from tests.nets import random_net
 
 HOSTILE = (
@@ -121,15 +121,22 @@ def test_textured_parts_have_the_mean_of_their_surface(made):
     textured = replace(scene.materials[0], texture=texture, albedo=np.full(3, 0.5, np.float32))
     uv = np.full((len(scene.vertices), 2), 0.25, np.float32)
     changed = replace(scene, uv=uv, materials=(textured, *scene.materials[1:]))
-    np.testing.assert_allclose(web.palette(changed)[0], [0.1, 0.2, 0.4], atol=1e-6)
-    np.testing.assert_array_equal(web.palette(changed)[1:], web.palette(scene)[1:])
+    np.testing.assert_allclose(web_content.palette(changed)[0], [0.1, 0.2, 0.4], atol=1e-6)
+    np.testing.assert_array_equal(web_content.palette(changed)[1:], web_content.palette(scene)[1:])
     text = replace(made, atlas=replace(made.atlas, scene=changed)).text()
     assert "Albedo textures" in text
 
 
-def test_nets_too_large_for_literals_are_refused(made):
-    with pytest.raises(PrtnetError, match="padded multiply-adds"):
-        replace(made, net=random_net(width=256, depth=3, bands=BANDS)).text()
+def test_nets_too_large_for_literals_have_a_texture(made):
+    text = replace(made, net=random_net(width=256, depth=3, bands=BANDS)).text()
+    assert about_of(text)["images"] == [{"name": "prt_weights", "size": [257, 195]}]
+
+
+def test_nets_with_texels_want_coordinates():
+    made = over_atlas()
+    for wrong in (None, made.more["net_uv"][:-1]):
+        with pytest.raises(PrtnetError, match="place of each vertex in the atlas of the net's training"):
+            made.text(net_uv=wrong)
 
 
 def test_without_chromium_that_is_said(monkeypatch, tmp_path):

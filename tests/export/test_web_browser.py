@@ -17,9 +17,9 @@ from prtnet.render.gbuffer import shade
 from prtnet.render.material import DIFFUSE, Material
 from prtnet.render.method import TextureMethod
 from prtnet.render.raster import Raster
-from tests.export.pages import BANDS, LOOK, SIDE, small
+from tests.export.pages import BANDS, LOOK, SIDE, over_atlas, small
 from tests.export.test_web import HOSTILE
-from tests.nets import random_points
+from tests.nets import random_points, random_uv
 
 pytestmark = pytest.mark.skipif(browser.find() is None, reason="needs Chromium: apt-get install chromium")
 
@@ -315,6 +315,30 @@ def test_light_between_surfaces(tmp_path, opened, raster):
     image = shade(gbuffer, transfer, lit.lights[0].coefficients, groups=4)
     assert_alike(pixels(opened), score.tone_map(image, lit.lights[0].exposure), inside(gbuffer))
     assert opened.evaluate("prtnet.certify().error_max") < 1e-5
+
+
+def test_a_net_with_features_over_an_atlas_of_its_own(tmp_path, opened):
+    made = over_atlas()
+    start(opened, made.write(tmp_path / "texels.html"))
+    drawing = Raster(made.net_atlas, SIZE)
+    gbuffer = drawing.gbuffer(camera_of(opened))
+    transfer = netspec.evaluate_unit(made.net, gbuffer.positions.astype(np.float64), gbuffer.normals, uv=gbuffer.uv)
+    image = shade(gbuffer, transfer, made.lights[0].coefficients)
+    assert_alike(pixels(opened), score.tone_map(image, made.lights[0].exposure), inside(gbuffer))
+    positions, normals, uv = *random_points(50, seed=3), random_uv(50)
+    values = ", ".join(f"new Float32Array({each.ravel().tolist()})" for each in (positions, normals, uv))
+    found = opened.evaluate(f"Array.from(prtnet.evaluate({values}))")
+    expected = netspec.evaluate_unit(made.net, positions.astype(np.float64), normals, uv=uv)
+    np.testing.assert_allclose(np.reshape(found, (50, -1))[:, : BANDS**2], expected, atol=1e-5)
+    assert opened.evaluate("prtnet.certify().error_max") < 1e-5
+
+
+def test_weights_in_a_texture(scene, tmp_path, opened):
+    start(opened, scene.write(tmp_path / "weights.html", storage="texture"))
+    assert "prt_weights" in [each["name"] for each in opened.evaluate("prtnet.about.images")]
+    assert opened.evaluate("prtnet.certify().error_max") < 1e-5
+    where = inside(Raster(scene.atlas, SIZE).gbuffer(camera_of(opened)))
+    assert pixels(opened)[where].std() > 0.05
 
 
 def test_a_texture_for_each_part(tmp_path, opened):

@@ -1,5 +1,6 @@
 """The page of a run: its texture, its lights, its certificate, and when there is none."""
 
+import base64
 import json
 import re
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from prtnet import PrtnetError, score
-from prtnet.export import browser, glsl
+from prtnet.export import browser, glsl, packing
 from prtnet.export.web import Certificate
 from prtnet.pipeline import web
 from prtnet.pipeline.bake import bake
@@ -37,6 +38,13 @@ def about(path):
     return json.loads(re.search(r'id="about">(.*?)</script>', path.read_text(encoding="utf-8"))[1])
 
 
+def block(path, name):
+    """An array of a page."""
+    said = about(path)["blocks"][name]
+    data = re.search(rf'id="data-{name}">(.*?)</script>', path.read_text(encoding="utf-8"))[1]
+    return packing.unpack(packing.Block(base64.b64decode(data), said["kind"], tuple(said["shape"]), said["delta"]))
+
+
 def test_a_run_gets_a_page(trained, no_browser):
     job, _, _ = trained
     path = web.write_page(*trained, side=48)
@@ -49,6 +57,21 @@ def test_a_run_gets_a_page(trained, no_browser):
     assert found["certificate"] is None
     assert "found no Chromium" in found["unmeasured"]
     assert about(web.write_page(*trained, side=None))["pages"][0]["side"] == job.config.atlas.size
+
+
+def test_nets_with_texels_keep_the_atlas_of_their_training(tmp_path, no_browser):
+    job = open_job(config(tmp_path, methods=["texture", "net"], train__texel_size=8), "", None)
+    baked = bake(job)
+    net = train(job, baked.points)
+    assert net.net.texels
+    found = about(web.write_page(job, baked, net, side=48))
+    assert found["takes_uv"]
+    own, page = (block(job.out / "page.html", name) for name in ("net_uv", "uv"))
+    assert {*map(tuple, own)} == {*map(tuple, np.rint(65535 * baked.texture.atlas.uv.astype(np.float64)).astype(int))}
+    assert {*map(tuple, own)} != {*map(tuple, page)}
+    assert len(own) == len(page)
+    with pytest.raises(PrtnetError, match=r"export.web_texture: found 16, expected more.*atlas.size"):
+        web.write_page(job, baked, net, side=16)
 
 
 def test_exposures_suit_the_first_view(trained, no_browser):

@@ -1,15 +1,17 @@
 // The net of this page run on this device at given points, and held against what NumPy got for them.
 
-// Coefficients of `n` points, one after the other, padded to whole vectors: positions and normals are Float32Arrays.
-export function evaluate(renderer, positions, normals) {
+// Coefficients of `n` points, one after the other, padded to whole vectors: positions, normals and, for nets that take
+// them, coordinates in the atlas are Float32Arrays.
+export function evaluate(renderer, positions, normals, uv) {
   const { gl, model } = renderer;
   const count = positions.length / 3;
   const side = Math.ceil(Math.sqrt(count));
   const vectors = model.layers * model.groups;
-  const textures = [positions, normals].map((values, unit) => {
+  const textures = [positions, normals, ...(model.takes_uv ? [uv] : [])].map((values, unit) => {
     gl.activeTexture(gl.TEXTURE1 + unit);
     const image = new Float32Array(4 * side * side);
-    for (let i = 0; i < count; ++i) image.set(values.subarray(3 * i, 3 * i + 3), 4 * i);
+    const width = values.length / count;
+    for (let i = 0; i < count; ++i) image.set(values.subarray(width * i, width * (i + 1)), 4 * i);
     return renderer.texture(gl.TEXTURE_2D, gl.NEAREST, () =>
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, side, side, 0, gl.RGBA, gl.FLOAT, image),
     );
@@ -21,7 +23,7 @@ export function evaluate(renderer, positions, normals) {
   const frame = renderer.framebuffer([target], null);
   const made = renderer.program("points");
   gl.useProgram(made.program);
-  renderer.bindGrids();
+  renderer.bindImages();
   gl.viewport(0, 0, side, side);
   gl.bindVertexArray(renderer.frame);
   const out = new Float32Array(count * 4 * vectors);
@@ -40,8 +42,8 @@ export function evaluate(renderer, positions, normals) {
 
 // The largest and the mean absolute error over the page's own points.
 export function certify(renderer) {
-  const { positions, normals, expected, slots } = renderer.model.checks;
-  const found = evaluate(renderer, positions, normals);
+  const { positions, normals, uv, expected, slots } = renderer.model.checks;
+  const found = evaluate(renderer, positions, normals, uv);
   const [count, coefficients] = [positions.length / 3, slots.length];
   const stride = found.length / count;
   let [most, sum] = [0, 0];

@@ -90,7 +90,7 @@ async function start() {
     controls,
     renderer,
     turned: (light, degrees) => turned(light, degrees, about.upright),
-    evaluate: (positions, normals) => evaluate(renderer, positions, normals),
+    evaluate: (...point) => evaluate(renderer, ...point),
     certify: () => certify(renderer),
     first_ms: first,
     compile_ms: compile,

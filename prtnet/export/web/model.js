@@ -20,13 +20,14 @@ export async function load(about) {
     positions: widened(blocks.positions),
     normals: blocks.normals,
     uv: blocks.uv,
+    netUv: blocks.net_uv,
     albedo: painted(blocks.part, about.parts),
     faces: blocks.faces,
     pages: about.pages.map((page, i) => ({
       ...page,
       images: layersOf(blocks[`mask${i}`], blocks[`texels${i}`], page.side, about.slots, about.layers * about.groups),
     })),
-    grids: about.grids.map((grid, i) => ({ ...grid, values: blocks[`grid${i}`] })),
+    images: about.images.map((image, i) => ({ ...image, values: blocks[`image${i}`] })),
     checks: checks(blocks.checks, about),
   };
 }
@@ -46,11 +47,12 @@ function painted(part, parts) {
 
 function checks(bits, { slots }) {
   const values = new Float32Array(bits.buffer);
-  const count = values.length / (6 + slots.length);
+  const count = values.length / (8 + slots.length);
   return {
     positions: values.subarray(0, 3 * count),
     normals: values.subarray(3 * count, 6 * count),
-    expected: values.subarray(6 * count),
+    uv: values.subarray(6 * count, 8 * count),
+    expected: values.subarray(8 * count),
     slots,
   };
 }

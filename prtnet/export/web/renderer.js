@@ -2,10 +2,12 @@
 // drawn again only for another view. Draws when told to, and never by itself.
 
 import { Refused, checkLimits } from "./device.js";
-import { DIFFERENCE, FRAME, SHOWN, SURFACE, VERTICES, method, points } from "./shaders.js";
+import { DIFFERENCE, FRAME, SHOWN, VERTICES, method, points, surface } from "./shaders.js";
 
-const UNITS = { transfer_map: 0, places: 1, finishes: 2, first: 3, second: 4, positions: 1, normals: 2 };
-const FIRST_GRID = 5;
+const UNITS = {
+  transfer_map: 0, places: 1, finishes: 2, net_places: 3, first: 3, second: 4, positions: 1, normals: 2, uvs: 3,
+};
+const FIRST_IMAGE = 5;
 
 export class Renderer {
   constructor(gl, model) {
@@ -24,7 +26,7 @@ export class Renderer {
     this.seen = "";
     this.mesh();
     this.pages = this.model.pages.map((page) => this.transferMap(page));
-    this.grids = this.model.grids.map((grid) => ({ name: grid.name, texture: this.grid(grid) }));
+    this.images = this.model.images.map((image) => this.image(image));
     gl.enable(gl.CULL_FACE);
     this.frame = gl.createVertexArray();
   }
@@ -43,6 +45,7 @@ export class Renderer {
     attribute(1, model.normals, 2, gl.UNSIGNED_SHORT);
     attribute(2, model.uv, 2, gl.UNSIGNED_SHORT);
     attribute(3, model.albedo, 3, gl.FLOAT);
+    if (model.takes_uv) attribute(4, model.netUv, 2, gl.UNSIGNED_SHORT);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, model.faces, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
@@ -68,8 +71,8 @@ export class Renderer {
     });
   }
 
-  // The features of a net, as prtnet/export/grid.py and hash_grid.py lay them out.
-  grid({ size, values }) {
+  // What a net reads, as prtnet/export/grid.py, hash_grid.py, texel_grid.py and weight_texture.py lay it out.
+  image({ size, values }) {
     const [width, height, depth] = size;
     const half = values instanceof Uint16Array;
     return this.texture(depth ? this.gl.TEXTURE_3D : this.gl.TEXTURE_2D, this.gl.NEAREST, (gl) => {
@@ -84,7 +87,7 @@ export class Renderer {
   program(name) {
     if (this.programs[name]) return this.programs[name];
     const texts = {
-      surface: () => [VERTICES, SURFACE],
+      surface: () => [VERTICES, surface(this.model)],
       shown: () => [FRAME, SHOWN],
       difference: () => [FRAME, DIFFERENCE],
       points: () => [FRAME, points(this.model)],
@@ -96,7 +99,7 @@ export class Renderer {
     const made = { program, places: {}, milliseconds: performance.now() - started };
     this.gl.useProgram(program);
     for (const [sampler, unit] of Object.entries(UNITS)) this.put(made, "uniform1i", sampler, unit);
-    this.grids.forEach((grid, i) => this.put(made, "uniform1i", grid.name, FIRST_GRID + i));
+    this.model.images.forEach(({ name }, i) => this.put(made, "uniform1i", name, FIRST_IMAGE + i));
     return (this.programs[name] = made);
   }
 
@@ -144,7 +147,7 @@ export class Renderer {
 
   // A texture of what `draw` draws.
   picture(name, draw) {
-    const { frame, textures } = this.target(name, 1, this.gl.RGBA16UI);
+    const { frame, textures } = this.target(name, [this.gl.RGBA16UI]);
     this.begin(frame);
     draw();
     return textures[0];
@@ -181,9 +184,10 @@ export class Renderer {
     const { gl, canvas, model } = this;
     const seen = [canvas.width, canvas.height, ...view.camera].join();
     if (seen === this.seen) return;
-    const { frame } = this.target("surface", 2, gl.RGBA32UI);
+    const bits = [gl.RGBA32UI, gl.RGBA32UI, ...(model.takes_uv ? [gl.RG32UI] : [])];
+    const { frame } = this.target("surface", bits, true);
     this.begin(frame);
-    gl.clearBufferuiv(gl.COLOR, 1, [0, 0, 0, 0]);
+    for (let i = 1; i < bits.length; ++i) gl.clearBufferuiv(gl.COLOR, i, [0, 0, 0, 0]);
     gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
     gl.enable(gl.DEPTH_TEST);
     const made = this.program("surface");
@@ -213,7 +217,7 @@ export class Renderer {
     this.put(made, "uniform4fv", "paint", view.paint);
     for (const key of ["exposure", "diffuse", "exponent"]) this.put(made, "uniform1f", key, view[key]);
     if (name === "net") {
-      this.bindGrids();
+      this.bindImages();
       gl.drawArrays(gl.TRIANGLES, 0, 3);
       return;
     }
@@ -234,25 +238,25 @@ export class Renderer {
     });
   }
 
-  bindGrids() {
+  bindImages() {
     const gl = this.gl;
-    this.grids.forEach(({ texture }, i) => {
-      gl.activeTexture(gl.TEXTURE0 + FIRST_GRID + i);
-      gl.bindTexture(this.model.grids[i].size[2] ? gl.TEXTURE_3D : gl.TEXTURE_2D, texture);
+    this.images.forEach((texture, i) => {
+      gl.activeTexture(gl.TEXTURE0 + FIRST_IMAGE + i);
+      gl.bindTexture(this.model.images[i].size[2] ? gl.TEXTURE_3D : gl.TEXTURE_2D, texture);
     });
   }
 
-  // A framebuffer of the canvas's size with so many integer textures, and depth where there are two.
-  target(name, count, format) {
+  // A framebuffer of the canvas's size with integer textures of these formats.
+  target(name, formats, deep = false) {
     const { gl, canvas } = this;
     const { width, height } = canvas;
     const old = this.targets[name];
     if (old && old.width === width && old.height === height) return old;
     if (old) this.drop(old);
-    const textures = Array.from({ length: count }, () =>
+    const textures = formats.map((format) =>
       this.texture(gl.TEXTURE_2D, gl.NEAREST, () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height)),
     );
-    const depth = count > 1 ? gl.createRenderbuffer() : null;
+    const depth = deep ? gl.createRenderbuffer() : null;
     if (depth) {
       gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
       gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH24_STENCIL8, width, height);

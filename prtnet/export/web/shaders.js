@@ -13,12 +13,14 @@ layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec2 in_normal;
 layout(location = 2) in vec2 in_uv;
 layout(location = 3) in vec3 in_albedo;
+layout(location = 4) in vec2 in_net_uv;
 uniform mat4 camera;
 uniform vec3 box_low, box_span;
 out vec3 position;
 out vec3 normal;
 out vec2 atlas_uv;
 out vec3 albedo;
+out vec2 net_uv;
 
 void main() {
   vec2 place = in_normal * 2.0 - 1.0;
@@ -29,19 +31,23 @@ void main() {
   position = in_position * box_span + box_low;
   atlas_uv = in_uv;
   albedo = in_albedo;
+  net_uv = in_net_uv;
   gl_Position = camera * vec4(position, 1.0);
 }
 `;
 
-// What each pixel shows, as bits in integers: every WebGL 2 can draw those, but not floats.
-export const SURFACE = `${HEAD}
+// What each pixel shows, as bits in integers: every WebGL 2 can draw those, but not floats. Nets with texels have
+// coordinates of their own, those of the atlas that they were trained with.
+export const surface = ({ takes_uv }) => `${HEAD}
 uniform uint page;
 in vec3 position;
 in vec3 normal;
 in vec2 atlas_uv;
 in vec3 albedo;
+in vec2 net_uv;
 layout(location = 0) out uvec4 place;
 layout(location = 1) out uvec4 finish;
+${takes_uv ? "layout(location = 2) out uvec2 net_place;" : ""}
 
 void main() {
   vec3 n = normalize(normal);
@@ -50,12 +56,13 @@ void main() {
   place = uvec4(floatBitsToUint(position), packSnorm2x16(flat_n));
   uint last = packHalf2x16(vec2(albedo.b, 0.0)) | (page + 1u) << 16;
   finish = uvec4(floatBitsToUint(atlas_uv), packHalf2x16(albedo.rg), last);
+  ${takes_uv ? "net_place = floatBitsToUint(net_uv);" : ""}
 }
 `;
 
-// The inverse of SURFACE.
+// The inverse of `surface`.
 const PIXEL = `
-uniform highp usampler2D places, finishes;
+uniform highp usampler2D places, finishes, net_places;
 uint page_of(uvec4 finish) { return finish.w >> 16; }
 vec3 albedo_of(uvec4 finish) { return vec3(unpackHalf2x16(finish.z), unpackHalf2x16(finish.w & 0xffffu).x); }
 vec3 normal_of(uint bits) {
@@ -120,7 +127,7 @@ function textureTransfer(count) {
 }
 
 // The fragment shader of a method, `net` or `texture`: radiance to the eye, exposed, as sRGB in 16 bits.
-export function method(name, { layers, groups, functions }) {
+export function method(name, { layers, groups, functions, takes_uv }) {
   const all = names(layers * groups);
   const net = name === "net";
   const declared = net
@@ -130,7 +137,8 @@ uniform vec4 transfer_scale[${all.length}], transfer_offset[${all.length}];
 uniform uint page;
 `;
   const skipped = net ? "page_of(finish) == 0u" : "page_of(finish) != page + 1u";
-  const transfer = net ? `  prt_transfer(position, n, ${all.join(", ")});` : textureTransfer(all.length);
+  const point = `position, n${takes_uv ? ", uintBitsToFloat(texelFetch(net_places, ivec2(gl_FragCoord.xy), 0).xy)" : ""}`;
+  const transfer = net ? `  prt_transfer(${point}, ${all.join(", ")});` : textureTransfer(all.length);
   return `${HEAD}
 uniform mat4x3 light[${layers}];
 uniform vec3 eye, specular;
@@ -162,18 +170,20 @@ ${transfer}
 }
 
 // The net alone at points that textures hold, a pixel each: vector `chosen` of its transfer.
-export function points({ layers, groups, functions }) {
+export function points({ layers, groups, functions, takes_uv }) {
   const all = names(layers * groups);
   const picked = all.reduceRight((rest, name, i) => (rest ? `chosen == ${i} ? ${name} : ${rest}` : name), "");
   return `${HEAD}
-uniform sampler2D positions, normals;
+uniform sampler2D positions, normals, uvs;
 uniform int chosen;
 out uvec4 colour;
 ${functions.net}
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
   vec4 ${all.join(", ")};
-  prt_transfer(texelFetch(positions, pixel, 0).xyz, texelFetch(normals, pixel, 0).xyz, ${all.join(", ")});
+  vec3 position = texelFetch(positions, pixel, 0).xyz, normal = texelFetch(normals, pixel, 0).xyz;
+  vec2 uv = texelFetch(uvs, pixel, 0).xy;
+  prt_transfer(position, normal${takes_uv ? ", uv" : ""}, ${all.join(", ")});
   colour = floatBitsToUint(${picked});
 }
 `;

@@ -1,4 +1,5 @@
-// The exported function prt_transfer as a three.js material: its text, and its feature grids as textures.
+// The exported function prt_transfer as a three.js material: its text, and as textures its features, and its weights
+// where these are no literals.
 import * as THREE from "three";
 
 async function fetched(url) {
@@ -40,26 +41,47 @@ function volume({ shape: [z, y, x, channels], data }) {
 // A hashed grid "entries channels": entry after entry in rows of 256 texels, as it is.
 const table = ({ data }) => ready(new THREE.DataTexture(data, 256, data.length / 1024), data);
 
-// { source, outputs, textures } of the run in a folder: transfer.glsl and net.safetensors.
+// Features over the atlas "y x channels", row 0 at v = 1: texture rows begin at v = 0, a place has channels / 4 texels.
+function image({ shape: [y, x, channels], data }) {
+  const texels = new data.constructor(data.length), row = x * channels;
+  for (let v = 0; v < y; v++) texels.set(data.subarray((y - 1 - v) * row, (y - v) * row), v * row);
+  return ready(new THREE.DataTexture(texels, row / 4, y), data);
+}
+
+// With export.storage=texture: the file has the texels as they are uploaded, the comment in the text their number.
+async function weights(folder, source) {
+  const [, width, height, bits] = source.match(/weights: (\d+) x (\d+) texels, RGBA(\d+)F/);
+  const buffer = await (await fetched(`${folder}/transfer_weights.bin`)).arrayBuffer();
+  const data = bits === "16" ? new Uint16Array(buffer) : new Float32Array(buffer);
+  return ready(new THREE.DataTexture(data, Number(width), Number(height)), data);
+}
+
+// { source, outputs, takesUv, textures } of the run in a folder: transfer.glsl, net.safetensors, transfer_weights.bin.
 export async function loadNet(folder) {
   const source = await (await fetched(`${folder}/transfer.glsl`)).text();
-  const outputs = source.match(/void prt_transfer\(([^)]*)\)/)[1].split("out vec4").length - 1;
-  const textures = {};
+  const parameters = source.match(/void prt_transfer\(([^)]*)\)/)[1];
+  const outputs = parameters.split("out vec4").length - 1, takesUv = parameters.includes("vec2 uv");
+  if (/uniform\s+prt_block/.test(source)) {
+    throw new Error("transfer.glsl has uniform blocks, which this page does not fill: export with export.storage=auto");
+  }
+  const textures = source.includes("sampler2D prt_weights;") ? { prt_weights: await weights(folder, source) } : {};
   for (const [name, tensor] of Object.entries(await tensors(`${folder}/net.safetensors`))) {
     const [kind, index] = name.split(".");
     if (kind === "grid") textures[`prt_grid${index}`] = volume(tensor);
     if (kind === "hash") textures[`prt_hash${index}`] = table(tensor);
+    if (kind === "texels") textures[`prt_texels${index}`] = image(tensor);
   }
   for (const [, name] of source.matchAll(/uniform\s+(?:\w+\s+)?\w*sampler\w*\s+(\w+)/g)) {
-    if (!textures[name]) throw new Error(`transfer.glsl reads ${name}, which is no grid of the net: export literals`);
+    if (!textures[name]) throw new Error(`transfer.glsl reads ${name}, which net.safetensors has not: export again`);
   }
-  return { source, outputs, textures };
+  return { source, outputs, takesUv, textures };
 }
 
 const VERTEX = `
 uniform float scale;
+in vec2 uv1; // TEXCOORD_1, the atlas
 out vec3 place, facing;
-out vec2 mapped;
+out vec2 mapped, atlas;
 invariant gl_Position; // the same in both programs that share this text
 void main() {
   // prt_transfer takes the centred position, and the light is the model's: no model matrix here. Whoever turns the
@@ -67,6 +89,7 @@ void main() {
   place = position * scale;
   facing = normal;
   mapped = uv;
+  atlas = vec2(uv1.x, 1.0 - uv1.y); // v is down in glTF, up in prt_transfer
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }`;
 
@@ -97,11 +120,11 @@ uniform vec3 albedo;
 uniform sampler2D albedo_map;
 uniform float exposure;
 in vec3 place, facing;
-in vec2 mapped;
+in vec2 mapped, atlas;
 out vec4 colour;
 void main() {
   vec4 ${names};
-  prt_transfer(place, normalize(facing), ${names});
+  prt_transfer(place, normalize(facing), ${net.takesUv ? "atlas, " : ""}${names});
   vec3 received = vec3(
     ${received(net.outputs, about.groups)});
   vec3 radiance = albedo * texture(albedo_map, mapped).rgb / ${Math.PI} * max(received, 0.0);

@@ -14,14 +14,15 @@ from prtnet import netspec, score, sh
 from prtnet.data import atlas, builtin, texture
 from prtnet.data.light import about_y, by_name
 from prtnet.data.scene import IDENTITY, Scene
-from prtnet.export import glsl, lightmap
+from prtnet.export import bundle, glsl, lightmap
+from prtnet.export.form import Form
 from prtnet.netspec import NetSpec
 from prtnet.pipeline.lightmap import of_page
 from prtnet.render.camera import Camera
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
 from tests.examples.browser import Page, browser, needs_chromium, served
-from tests.nets import random_grid, random_hash, random_net
+from tests.nets import random_grid, random_hash, random_net, random_texels
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "three"
 VERSION = json.loads((EXAMPLE / "package.json").read_text())["dependencies"]["three"]
@@ -51,21 +52,24 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     made = atlas.make(scene.centred(), size=128)
     texels = texture.gbuffer(made, 128)
     page = texture.page(texels, sh.cosine_lobe(texels.normals, BANDS))
-    # half and full floats, dense and hashed; coarse, since rasterisers place pixels to a 16th only
+    # half and full floats, dense, hashed and over the atlas; coarse, since rasterisers place pixels to a 16th only
     grids = (random_grid(5, 4, 3), random_grid(2, 3, 2, channels=4, kind="float32"))
     hashes = (random_hash(4, channels=8), random_hash(6, kind="float32"))
+    texels = (random_texels(3, 2, channels=8), random_texels(2, 3, kind="float32"))
     net = random_net(
-        bands=BANDS, depth=1, position_frequencies=0, normal_frequencies=1, grids=grids, hashes=hashes,
+        bands=BANDS, depth=1, position_frequencies=0, normal_frequencies=1, grids=grids, hashes=hashes, texels=texels,
         output="linear", output_scale=0.1, residual=True,
     )  # fmt: skip
     run = folder / "run"
-    run.mkdir()
-    (run / "transfer.glsl").write_text(glsl.emit(net))
-    netspec.save(net, run / "net.safetensors")
     about = {"bands": BANDS, "groups": 1, "light": {"name": "green", "coefficients": LIGHT.tolist()}}
     view = lightmap.View(CAMERA.eye, CAMERA.basis(), CAMERA.fov_y, CAMERA.near, CAMERA.far)
     pages = [of_page(page, LIGHT, 1)]
-    lightmap.write(run, made, pages, scene.frame, fronts=len(scene.faces), about=about, view=view)
+    for storage, place in (("literal", run), ("texture", folder / "weights"), ("ubo", folder / "blocks")):
+        place.mkdir()
+        for name, data in bundle.bundle(net, Form(storage=storage)).files.items():
+            (place / name).write_bytes(data)
+        netspec.save(net, place / "net.safetensors")
+        lightmap.write(place, made, pages, scene.frame, fronts=len(scene.faces), about=about, view=view)
     assert scene.frame is not IDENTITY
     return Site(folder, made, page, net)
 
@@ -115,13 +119,17 @@ def drawn(page: Page, **inputs: float) -> np.ndarray:
 
 
 def inner(raster: Raster) -> np.ndarray:
-    """Pixels whose neighbours show the same part from the same side: the browser smooths the others."""
+    """Pixels whose neighbours show the same chart from the same side: the browser smooths the others."""
     face = raster.faces(CAMERA)[..., 0].astype(int) - 1
     normals = np.where(face[..., None] < 0, 0, raster.scene.face_normals[face])
     kind = np.concatenate([np.where(face < 0, -1, raster.scene.part[face])[..., None], normals], axis=-1)
+    gbuffer, uv = raster.gbuffer(CAMERA), np.zeros((face.size, 2))
+    uv[gbuffer.pixel] = gbuffer.uv
+    uv = uv.reshape(*face.shape, 2)
     same = np.ones(face.shape, bool)
     for step in np.ndindex(3, 3):
-        same &= np.all(np.isclose(np.roll(kind, np.subtract(step, 1), (0, 1)), kind, atol=1e-6), axis=-1)
+        near = [np.roll(image, np.subtract(step, 1), (0, 1)) - image for image in (kind, uv)]
+        same &= np.all(np.abs(near[0]) < 1e-6, axis=-1) & np.all(np.abs(near[1]) < 0.03, axis=-1)
     return same & (face >= 0)
 
 
@@ -132,7 +140,7 @@ def test_the_page_shows_what_prtnet_draws(site, tab):
     page.evaluate("document.querySelectorAll('.side, #controls').forEach((e) => { e.style.visibility = 'hidden'; })")
     page.wait("document.body.dataset.frames")
     raster = Raster(site.made, SIZE)
-    net = NetMethod(raster, glsl.emit(site.net), grids=site.net.grids, hashes=site.net.hashes)
+    net = NetMethod(raster, glsl.emit(site.net), grids=site.net.grids, hashes=site.net.hashes, texels=site.net.texels)
     baked = TextureMethod(raster, [site.page]).draw(CAMERA, LIGHT)
     exposure = np.pi / of_page(site.page, LIGHT, 1).irradiance.max()
     kept = inner(raster)
@@ -157,6 +165,17 @@ def test_the_page_shows_what_prtnet_draws(site, tab):
 
 
 @needs_chromium
+def test_weights_in_a_texture_give_the_same_picture(tab):
+    page, address = tab
+    pictures = []
+    for run in ("run", "weights"):
+        page.open(f"{address}/three/?run=/{run}", 2 * SIZE, SIZE)
+        pictures.append(drawn(page))
+    assert np.abs(pictures[1] - pictures[0]).max() < 1.01 / 255
+    assert pictures[0].std() > 0.1
+
+
+@needs_chromium
 def test_the_page_orbits(tab):
     page, address = tab
     page.open(f"{address}/three/?run=/run", 2 * SIZE, SIZE)
@@ -176,6 +195,8 @@ def test_a_run_that_is_not_there_is_said(site, tab):
     page.wait("document.getElementById('message').textContent != 'loading'")
     assert "/nowhere/" in page.evaluate("document.getElementById('message').textContent")
     assert "404" in page.evaluate("document.getElementById('message').textContent")
+    page.open(f"{address}/three/?run=/blocks", 2 * SIZE, SIZE)
+    page.wait("document.getElementById('message').textContent.includes('export.storage=auto')")
 
 
 @needs_node

@@ -14,14 +14,15 @@ from prtnet import netspec, score, sh
 from prtnet.data import atlas, builtin, texture
 from prtnet.data.light import about_y, by_name
 from prtnet.data.scene import IDENTITY, Scene
-from prtnet.export import bundle, glsl, lightmap
+from prtnet.export import browser, bundle, glsl, lightmap
+from prtnet.export.browser import Browser
 from prtnet.export.form import Form
 from prtnet.netspec import NetSpec
 from prtnet.pipeline.lightmap import of_page
 from prtnet.render.camera import Camera
 from prtnet.render.method import NetMethod, TextureMethod
 from prtnet.render.raster import Raster
-from tests.examples.browser import Page, browser, needs_chromium, served
+from tests.examples.browser import picture, served, wait
 from tests.nets import random_grid, random_hash, random_net, random_texels
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "three"
@@ -30,6 +31,7 @@ SIZE, BANDS = 96, 3
 LIGHT = by_name("green").coefficients(BANDS)
 CAMERA = Camera((0.7, 0.5, 3.2), (0.0, 0.0, 0.0), far=6.0)
 
+needs_chromium = pytest.mark.skipif(browser.find() is None, reason="no chromium: apt-get install chromium")
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="no node: apt-get install nodejs")
 
 
@@ -103,19 +105,19 @@ def _install(example: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tab(site: Site, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, str]]:
-    with served(site.folder) as address, browser(tmp_path_factory.mktemp("profile")) as page:
+def tab(site: Site) -> Iterator[tuple[Browser, str]]:
+    with served(site.folder) as address, Browser(size=(2 * SIZE, SIZE)) as page:
         yield page, address
 
 
-def drawn(page: Page, **inputs: float) -> np.ndarray:
+def drawn(page: Browser, **inputs: float) -> np.ndarray:
     """The page's picture in [0, 1] after inputs that differ from what they were."""
     frames = page.evaluate("document.body.dataset.frames")
     for name, value in inputs.items():
         event = "dispatchEvent(new Event('input', { bubbles: true }))"
         page.evaluate(f"(() => {{ const e = document.getElementById('{name}'); e.value = {value}; e.{event}; }})()")
-    page.wait(f"document.body.dataset.frames > {frames if inputs else 0}")
-    return page.picture() / 255
+    wait(page, f"document.body.dataset.frames > {frames if inputs else 0}")
+    return picture(page) / 255
 
 
 def inner(raster: Raster) -> np.ndarray:
@@ -136,9 +138,9 @@ def inner(raster: Raster) -> np.ndarray:
 @needs_chromium
 def test_the_page_shows_what_prtnet_draws(site, tab):
     page, address = tab
-    page.open(f"{address}/three/?run=/run", 2 * SIZE, SIZE)
+    page.goto(f"{address}/three/?run=/run")
     page.evaluate("document.querySelectorAll('.side, #controls').forEach((e) => { e.style.visibility = 'hidden'; })")
-    page.wait("document.body.dataset.frames")
+    wait(page, "document.body.dataset.frames")
     raster = Raster(site.made, SIZE)
     net = NetMethod(raster, glsl.emit(site.net), grids=site.net.grids, hashes=site.net.hashes, texels=site.net.texels)
     baked = TextureMethod(raster, [site.page]).draw(CAMERA, LIGHT)
@@ -146,12 +148,12 @@ def test_the_page_shows_what_prtnet_draws(site, tab):
     kept = inner(raster)
     assert kept.mean() > 0.4
     pictures = [drawn(page), drawn(page, turn=75)]
-    for degrees, picture in zip((0.0, 75.0), pictures, strict=True):
+    for degrees, shown in zip((0.0, 75.0), pictures, strict=True):
         light = sh.rotate(LIGHT, about_y(degrees))
         expected = [score.srgb_encode(np.clip(exposure * image, 0, 1)) for image in (net.draw(CAMERA, light), baked)]
         # 8 bits of the screen; and of the lightmap, whose steps are as wide
         for side, tolerance in ((0, 1.01), (1, 2.01)):
-            found = picture[:, side * SIZE : (side + 1) * SIZE]
+            found = shown[:, side * SIZE : (side + 1) * SIZE]
             assert expected[side][kept].std() > 0.1
             error = 255 * np.abs(found[kept] - expected[side][kept])
             assert np.mean(error < tolerance) > 0.995, np.percentile(error, [50, 90, 99])
@@ -160,8 +162,8 @@ def test_the_page_shows_what_prtnet_draws(site, tab):
     assert left > 0.1
     bright = drawn(page, exposure=2)
     assert bright.mean() > pictures[1].mean() + 0.02
-    assert page.console == []
-    assert all(url.startswith((address, f"blob:{address}")) for url in page.requests)
+    assert page.complaints() == []
+    assert all(url.startswith((address, f"blob:{address}")) for url in page.requests())
 
 
 @needs_chromium
@@ -169,7 +171,7 @@ def test_weights_in_a_texture_give_the_same_picture(tab):
     page, address = tab
     pictures = []
     for run in ("run", "weights"):
-        page.open(f"{address}/three/?run=/{run}", 2 * SIZE, SIZE)
+        page.goto(f"{address}/three/?run=/{run}")
         pictures.append(drawn(page))
     assert np.abs(pictures[1] - pictures[0]).max() < 1.01 / 255
     assert pictures[0].std() > 0.1
@@ -178,25 +180,25 @@ def test_weights_in_a_texture_give_the_same_picture(tab):
 @needs_chromium
 def test_the_page_orbits(tab):
     page, address = tab
-    page.open(f"{address}/three/?run=/run", 2 * SIZE, SIZE)
+    page.goto(f"{address}/three/?run=/run")
     page.evaluate("document.querySelectorAll('.side, #controls').forEach((e) => { e.style.visibility = 'hidden'; })")
-    page.wait("document.body.dataset.frames")
-    before, frames = page.picture(), page.evaluate("document.body.dataset.frames")
+    wait(page, "document.body.dataset.frames")
+    before, frames = picture(page), page.evaluate("document.body.dataset.frames")
     for kind, x in (("mousePressed", 40), ("mouseMoved", 60), ("mouseReleased", 60)):
-        page.call("Input.dispatchMouseEvent", type=kind, x=x, y=40, button="left", buttons=1, clickCount=1)
-    page.wait(f"document.body.dataset.frames > {frames}")
-    assert np.mean(np.any(page.picture() != before, axis=-1)) > 0.1
+        page.send("Input.dispatchMouseEvent", type=kind, x=x, y=40, button="left", buttons=1, clickCount=1)
+    wait(page, f"document.body.dataset.frames > {frames}")
+    assert np.mean(np.any(picture(page) != before, axis=-1)) > 0.1
 
 
 @needs_chromium
 def test_a_run_that_is_not_there_is_said(site, tab):
     page, address = tab
-    page.open(f"{address}/three/?run=/nowhere", 2 * SIZE, SIZE)
-    page.wait("document.getElementById('message').textContent != 'loading'")
+    page.goto(f"{address}/three/?run=/nowhere")
+    wait(page, "document.getElementById('message').textContent != 'loading'")
     assert "/nowhere/" in page.evaluate("document.getElementById('message').textContent")
     assert "404" in page.evaluate("document.getElementById('message').textContent")
-    page.open(f"{address}/three/?run=/blocks", 2 * SIZE, SIZE)
-    page.wait("document.getElementById('message').textContent.includes('export.storage=auto')")
+    page.goto(f"{address}/three/?run=/blocks")
+    wait(page, "document.getElementById('message').textContent.includes('export.storage=auto')")
 
 
 @needs_node

@@ -53,7 +53,16 @@ def small(command: str) -> list[str]:
     # what a net of a few steps can reach
     sizes += ["size.target_psnr=10"] if "size.target_psnr" in named else []
     sizes += ["size.widths=[8]"] if any(name.startswith("size.") for name in named) else []
+    sizes += ["export.web_texture=null"] if "export=web" in given else []
     return given + sizes + ["scene.tessellation=0.2"]
+
+
+def left(command: str) -> set[str]:
+    """Files that each of its runs leaves."""
+    given = shlex.split(command)[1:]
+    stages = next((argument for argument in given if argument.startswith("stages=")), "stages=[score]")
+    names = {"report.html": "score" in stages, "page.html": "export=web" in given}
+    return {name for name, there in names.items() if there}
 
 
 def test_the_readme_names_the_two_commands():
@@ -72,12 +81,26 @@ def test_commands_do_what_they_say(command, tmp_path):
     points = 1
     for argument in shlex.split(command):
         points *= len(argument.split(",")) if "-m" in command and "=" in argument and "[" not in argument else 1
-    assert len(list((tmp_path / "runs").rglob("report.html"))) == points
+    assert left(command)
+    for name in left(command):
+        assert len(list((tmp_path / "runs").rglob(name))) == points, name
 
 
-def test_links_lead_somewhere():
-    for link in re.findall(r"\]\(([^)]+)\)", README):
-        assert link.startswith("#") or (ROOT / link).exists(), link
+def headings(text: str) -> set[str]:
+    """What links call the headings of a page."""
+    found = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", each.lower()).strip().replace(" ", "-") for each in found}
+
+
+@pytest.mark.parametrize("page", ["README.md", *sorted(f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md"))])
+def test_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)]+)\)", (ROOT / page).read_text(encoding="utf-8")):
+        if re.match(r"https?://", link):
+            continue
+        name, _, heading = link.partition("#")
+        file = (ROOT / page).parent / name if name else ROOT / page
+        assert file.exists(), link
+        assert not heading or heading in headings(file.read_text(encoding="utf-8")), link
 
 
 def test_the_keys_of_the_table_exist_with_their_defaults():

@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -46,20 +47,39 @@ def file_digest(path: Path) -> str:
 def atomic(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place when the block ends well, and is deleted when it does not.
 
-    Raises PrtnetError where the folder cannot be written or is full.
+    Whatever writes the file, those may read it whom the umask lets. Raises PrtnetError where the folder cannot be
+    written or is full.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        mode = _usual_mode(temporary)
         yield temporary
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
+            # safetensors makes files for their owner alone
+            if _mode(temporary) != mode:
+                temporary.chmod(mode)
         temporary.replace(path)
     except (OSError, safetensors.SafetensorError) as error:
         raise _unwritable(path, error) from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _mode(path: Path) -> int:
+    """Permission bits."""
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def _usual_mode(unused: Path) -> int:
+    """Permission bits of a file that is made at a path: there is no asking for the umask without changing it."""
+    unused.touch()
+    try:
+        return _mode(unused)
+    finally:
+        unused.unlink()
 
 
 def _unwritable(path: Path, error: Exception) -> PrtnetError:

@@ -2,6 +2,7 @@
 
 import json
 import multiprocessing
+import os
 import time
 from functools import partial
 from pathlib import Path
@@ -161,3 +162,23 @@ def test_a_lock_is_given_back_when_its_block_fails(tmp_path):
         with pytest.raises(RuntimeError), store.alone(tmp_path / "locks" / "a"):
             raise RuntimeError
     assert not list((tmp_path / "locks").iterdir())
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o027, 0o640)])
+def test_files_may_be_read_by_whom_the_umask_lets(tmp_path, shelf, umask, mode):
+    before = os.umask(umask)
+    try:
+        store.save_arrays(tmp_path / "arrays.safetensors", ARRAYS)
+        store.write_bytes(tmp_path / "bytes", b"1")
+        shelf.make("bake", {}, lambda: (ARRAYS, {}))
+    finally:
+        os.umask(before)
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(files) == 4
+    assert {oct(path.stat().st_mode & 0o777) for path in files} == {oct(mode)}
+
+
+def test_a_block_that_writes_nothing_leaves_nothing(tmp_path):
+    with pytest.raises(PrtnetError, match="could not be written"), store.atomic(tmp_path / "file"):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from prtnet.data.atlas import Atlas
 from prtnet.data.roughness import part_of_vertices
 from prtnet.data.scene import Scene
 from prtnet.data.texture import Page
-from prtnet.export import gloss, glsl, grid, hash_grid, packing, texel_grid, weight_texture
+from prtnet.export import gloss, glsl, grid, hash_grid, limits, packing, texel_grid, weight_texture
 from prtnet.export.form import Form
 from prtnet.export.packing import Block
 from prtnet.export.spelling import quads
@@ -24,6 +25,8 @@ Array = np.ndarray
 
 CHECKED_POINTS = 1024
 UNIFORMS = 16  # vectors beside the light and the texture's range
+# what a device has less of than this, the page finds out where it runs: see `_needs`
+LARGEST = replace(limits.MINIMUM["430"], name="large WebGL 2 devices")
 
 
 def content(
@@ -71,7 +74,7 @@ def _checked_uv(atlas: Atlas, net_uv: Float[Array, "v 2"] | None) -> Float[Array
 
 def _function(net: NetSpec, chosen: Form) -> str:
     """`prt_transfer` without its comments, which repeat the scene's name."""
-    lines = glsl.transfer(net, chosen).split("\n")
+    lines = glsl.transfer(net, chosen, LARGEST).split("\n")
     return "\n".join(line for line in lines if not line.startswith("//"))
 
 

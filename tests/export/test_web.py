@@ -14,7 +14,7 @@ from prtnet.data.light import about_y
 from prtnet.export import browser, packing, web, web_content
 from prtnet.export.web import Certificate, PageLight
 from tests.export.pages import BANDS, over_atlas, small
-from tests.nets import random_net
+from tests.nets import random_net, random_texels
 
 HOSTILE = (
     """</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">{{script}}<!-- ' " \\ \r ü"""
@@ -130,6 +130,12 @@ def test_textured_parts_have_the_mean_of_their_surface(made):
 def test_nets_too_large_for_literals_have_a_texture(made):
     text = replace(made, net=random_net(width=256, depth=3, bands=BANDS)).text()
     assert about_of(text)["images"] == [{"name": "prt_weights", "size": [257, 195]}]
+
+
+def test_the_page_says_what_a_small_device_lacks():
+    made = over_atlas()
+    wide = replace(made, net=random_net(bands=BANDS, texels=(random_texels(600, 2, channels=16),)))
+    assert about_of(wide.text())["needs"]["MAX_TEXTURE_SIZE"] == 2400
 
 
 def test_nets_with_texels_want_coordinates():

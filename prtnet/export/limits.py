@@ -69,14 +69,14 @@ def of_driver(info: Mapping[str, object]) -> Limits:
 
 def check(needs: Needs, limits: Limits) -> None:
     """Raises PrtnetError for the first thing of which the shader needs more than the target has to have."""
-    smaller = "a smaller model.width"
+    smaller, features = "a smaller model.width", "smaller train.hash_entries or train.texel_size"
     rows = (
         ("bytes of source", needs.source_bytes, limits.source_bytes, "export.storage=texture"),
         ("bytes in a uniform block", needs.block_bytes, limits.block_bytes, f"export.storage=texture, or {smaller}"),
         ("uniform blocks", needs.blocks, limits.blocks, f"export.storage=texture, or {smaller}"),
         ("uniform components", needs.components, limits.components, f"fewer transfer.bands, or {smaller}"),
         ("texels along a side of the weight texture", needs.weight_side, limits.texture_side, smaller),
-        ("texels along a side of a texture", needs.texture_side, limits.texture_side, "smaller train.hash_entries"),
+        ("texels along a side of a texture", needs.texture_side, limits.texture_side, features),
         ("texels along a side of a 3D texture", needs.volume_side, limits.volume_side, "smaller train.grid_cells"),
         ("samplers", needs.samplers, limits.samplers, "fewer of train.grid_cells and train.hash_cells"),
     )

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from prtnet import sh
+from prtnet.models import harmonics
 from prtnet.models.encoding import bilinear, encode, hashed, trilinear
 from prtnet.netspec import NetSpec, check_uv
 
@@ -45,15 +46,14 @@ class Inference:
         with torch.no_grad(), one_thread():
             for start in range(0, len(positions), POINTS):
                 part = slice(start, start + POINTS)
-                points = [np.asarray(values[part], np.float32) for values in given]
-                out[part] = self._layered(*[torch.tensor(values, device=self._device) for values in points]).cpu()
-                if self.net.residual:
-                    out[part] += np.tile(sh.cosine_lobe(points[1], self.net.bands), self.net.groups)
+                points = [torch.tensor(np.asarray(each[part], np.float32), device=self._device) for each in given]
+                out[part] = self.transfer(*points).cpu()
         return out
 
-    def _layered(
+    def transfer(
         self, positions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], uv: Float[Tensor, "n 2"] | None = None
     ) -> Float[Tensor, "n c"]:
+        """The same of tensors on the device, all at once."""
         net = self.net
         parts = [encode(positions, net.position_frequencies, net.encoding)]
         parts += [encode(normals, net.normal_frequencies, net.encoding)]
@@ -64,7 +64,8 @@ class Inference:
         for weight, bias in self._layers[:-1]:
             h = self._bend(functional.linear(h, weight, bias))
         h = functional.linear(h, *self._layers[-1])
-        return net.output_scale * (torch.tanh(h) if net.output == "tanh" else h)
+        h = net.output_scale * (torch.tanh(h) if net.output == "tanh" else h)
+        return h + harmonics.cosine_lobe(normals, net.bands).repeat(1, net.groups) if net.residual else h
 
 
 @contextmanager

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from prtnet import netspec
+from prtnet import PrtnetError, netspec
 from prtnet.models.device_net import DeviceNet
 from tests.cuda.test_transfer import NETS
-from tests.nets import random_net, random_points
+from tests.nets import random_net, random_points, random_texels, random_uv
 
 
 @pytest.mark.parametrize("name", NETS)
@@ -20,3 +20,12 @@ def test_torch_computes_what_numpy_computes(name):
     wanted = netspec.evaluate_unit(net, positions[:300].astype(np.float64), normals[:300])
     np.testing.assert_allclose(transfer[:300], wanted, atol=1e-5)
     assert (transfer[300:] == 7).all()
+
+
+def test_texels_are_looked_up_at_the_points_places():
+    net, points, uv = random_net(texels=(random_texels(9, 7),)), random_points(40), random_uv(40)
+    transfer = np.empty((40, 25), np.float32)
+    DeviceNet(net, "cpu", torch.from_numpy)(*points, transfer, 40, uv)
+    np.testing.assert_allclose(transfer, netspec.evaluate_unit(net, *points, uv=uv), atol=1e-5)
+    with pytest.raises(PrtnetError, match="found no uv"):
+        DeviceNet(net, "cpu", torch.from_numpy)(*points, transfer, 40)

@@ -28,7 +28,7 @@ def test_every_activation_is_its_twins(activation, output):
         {"hashes": (random_hash(48, channels=8), random_hash(7, kind="float32"))},
         {"grids": (random_grid(3, 3, 3),), "hashes": (random_hash(16),), "output": "linear", "residual": True},
         {"groups": 4, "bands": 3, "residual": True},
-        {"bands": 7, "depth": 0, "output": "linear", "output_scale": 1.0},
+        {"bands": 7, "depth": 0, "output": "linear", "output_scale": 1.0, "residual": True},
     ],
     ids=lambda fields: ", ".join(fields),
 )

@@ -184,7 +184,7 @@ def evaluate_unit(
     return out.astype(np.result_type(positions, np.float32), copy=False)
 
 
-def check_uv(net: NetSpec, uv: Float[Array, "n 2"] | None) -> None:
+def check_uv(net: NetSpec, uv: object) -> None:
     """Raises PrtnetError where the net has texels and nobody says where in the atlas the points are."""
     if uv is None and net.texels:
         raise PrtnetError(

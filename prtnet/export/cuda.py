@@ -35,8 +35,9 @@ PADDING = 4  # floats at the end of each row of its tile
 
 # what each kernel takes, in order: addresses are u8
 ARGUMENTS = {
-    "prt_pack": ["positions", "normals", "points", "pixel", "packed_positions", "packed_normals", ("pixels", "i4")],
-    "prt_transfer": ["parameters", "positions", "normals", "points", "transfer"],
+    "prt_pack": ["positions", "normals", "albedo", "points", "pixel", "packed_positions", "packed_normals",
+                 "packed_uv", ("pixels", "i4")],
+    "prt_transfer": ["parameters", "positions", "normals", "uv", "points", "transfer"],
     "prt_diffuse": ["transfer", "points", "pixel", "albedo", "reflectance", "light", "radiance",
                     ("coefficients", "i4"), ("weight", "f4")],
     "prt_gloss": ["transfer", "points", "pixel", "positions", "normals", "reflectance", "matrix", "radiance",
@@ -46,7 +47,7 @@ ARGUMENTS = {
 
 
 class Table(NamedTuple):
-    """A dense or hashed grid in the buffer."""
+    """A dense or hashed grid, or an image over the atlas, in the buffer."""
 
     first: int  # row of the net's inputs
     offset: int  # of the first number, in float32
@@ -60,6 +61,7 @@ class Layout(NamedTuple):
     biases: tuple[int, ...]
     grids: tuple[Table, ...]
     hashes: tuple[Table, ...]
+    texels: tuple[Table, ...]
     size: int
 
 
@@ -83,7 +85,7 @@ def tile(net: NetSpec) -> int:
     most, inputs = SUMS // TILES[-1], SHARED_BYTES // 4 // (TILES[-1] + PADDING)
     raise PrtnetError(
         f"net for CUDA: found layers of up to {outputs} outputs and {rows} rows, expected at most {most} outputs and "
-        f"{inputs} inputs; choose a smaller model.width, or fewer bands, grids or hashes"
+        f"{inputs} inputs; choose a smaller model.width, or fewer bands, grids, hashes or texel channels"
     )
 
 
@@ -116,7 +118,7 @@ def arguments(kernel: str, **values: object) -> np.void:
 
 def parameters(net: NetSpec) -> Float32[Array, " n"]:
     """The buffer: weights as (inputs, outputs) with outputs padded by 0 to a multiple of 4, biases padded likewise,
-    then grids and tables as they are stored, two float16 in the place of a float32."""
+    then grids, tables and images as they are stored, two float16 in the place of a float32."""
     layout = _layout(net)
     buffer = np.zeros(layout.size, np.float32)
     for weight, bias, first, second in zip(net.weights, net.biases, layout.weights, layout.biases, strict=True):
@@ -124,7 +126,7 @@ def parameters(net: NetSpec) -> Float32[Array, " n"]:
         block = buffer[first : first + 4 * quads(outputs) * inputs].reshape(inputs, -1)
         block[:, :outputs] = weight.T
         buffer[second : second + outputs] = bias
-    for table in (*layout.grids, *layout.hashes):
+    for table in (*layout.grids, *layout.hashes, *layout.texels):
         words = np.ascontiguousarray(table.values).reshape(-1).view(np.float32)
         buffer[table.offset : table.offset + len(words)] = words
     return buffer
@@ -133,12 +135,17 @@ def parameters(net: NetSpec) -> Float32[Array, " n"]:
 def _check_inputs(net: NetSpec) -> None:
     found = net.weights[0].shape[1]
     known = encoded_size(net.position_frequencies, net.normal_frequencies, net.encoding)
-    known += sum(values.shape[-1] for values in (*net.grids, *(each.table for each in net.hashes)))
+    known += sum(values.shape[-1] for values in _features(net))
     if found != known:
         raise PrtnetError(
-            f"net for CUDA: found {found} inputs, expected {known}: encoded position and normal, grids and hashed "
-            "grids are all that its kernels know; train a net without other features"
+            f"net for CUDA: found {found} inputs, expected {known}: encoded position and normal, grids, hashed "
+            "grids and texels are all that its kernels know; train a net without other features"
         )
+
+
+def _features(net: NetSpec) -> list[Array]:
+    """In the order of the net's inputs, of which they are the last."""
+    return [*net.grids, *(each.table for each in net.hashes), *net.texels]
 
 
 def _rows(net: NetSpec) -> int:
@@ -152,15 +159,15 @@ def _layout(net: NetSpec) -> Layout:
         weights.append(end)
         biases.append(end + 4 * quads(outputs) * inputs)
         end = biases[-1] + 4 * quads(outputs)
-    arrays = [*net.grids, *(each.table for each in net.hashes)]
-    first = net.weights[0].shape[1] - sum(values.shape[-1] for values in arrays)
+    first = net.weights[0].shape[1] - sum(values.shape[-1] for values in _features(net))
     tables = []
-    for values in arrays:
+    for values in _features(net):
         tables.append(Table(first, end, values))
         first += values.shape[-1]
         end += 4 * quads(values.nbytes // 4)
-    split = len(net.grids)
-    return Layout(tuple(weights), tuple(biases), tuple(tables[:split]), tuple(tables[split:]), end)
+    dense, hashed = len(net.grids), len(net.grids) + len(net.hashes)
+    parts = tuple(tables[:dense]), tuple(tables[dense:hashed]), tuple(tables[hashed:])
+    return Layout(tuple(weights), tuple(biases), *parts, end)
 
 
 def defines(net: NetSpec, radiance_bands: int | None = None) -> dict[str, str]:
@@ -195,7 +202,7 @@ def defines(net: NetSpec, radiance_bands: int | None = None) -> dict[str, str]:
 
 
 def _lists(net: NetSpec) -> dict[str, str]:
-    """The layers, grids and tables, each as a macro that names another one's arguments."""
+    """The layers, grids, tables and images, each as a macro that names another one's arguments."""
     layout, last = _layout(net), len(net.weights) - 1
     layers = [
         f"LAYER({weight.shape[1]}, {weight.shape[0]}, {_word(i == last)}, {layout.weights[i]}, {layout.biases[i]})"
@@ -209,7 +216,11 @@ def _lists(net: NetSpec) -> dict[str, str]:
     for table, each in zip(layout.hashes, net.hashes, strict=True):
         entries, channels = each.table.shape
         hashes.append(f"HASH({table.first}, {each.cells}, {entries}, {channels}, {_half(table)}, {table.offset})")
-    lists = {"LAYERS(LAYER)": layers, "GRIDS(GRID)": grids, "HASHES(HASH)": hashes}
+    texels = []
+    for table in layout.texels:
+        y, x, channels = table.values.shape
+        texels.append(f"TEXEL({table.first}, {x}, {y}, {channels}, {_half(table)}, {table.offset})")
+    lists = {"LAYERS(LAYER)": layers, "GRIDS(GRID)": grids, "HASHES(HASH)": hashes, "TEXELS(TEXEL)": texels}
     return {name: " ".join(items) for name, items in lists.items()}
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError
 from prtnet.export import cuda
-from prtnet.netspec import NetSpec
+from prtnet.netspec import NetSpec, check_uv
 
 Array = np.ndarray
 
@@ -65,18 +65,25 @@ class HostKernels:
             raise PrtnetError(f"CUDA kernel {kernel}: {WRONG[wrong]}")
 
     def transfer(
-        self, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], *, launched: int | None = None
+        self,
+        positions: Float[Array, "n 3"],
+        normals: Float[Array, "n 3"],
+        uv: Float[Array, "n 2"] | None = None,
+        *,
+        launched: int | None = None,
     ) -> Float32[Array, "n c"]:
-        """Transfer at centred positions and unit normals, by prt_transfer over blocks for `launched` points."""
+        """Transfer at centred positions, unit normals and, where the net has texels, places in the atlas, by
+        prt_transfer over blocks for `launched` points. Raises PrtnetError where `uv` is missing."""
+        check_uv(self.net, uv)
         count = np.array([len(positions)], np.int32)
         out = np.full((len(positions), len(self.net.biases[-1])), np.nan, np.float32)
-        places, directions = (np.ascontiguousarray(each, np.float32) for each in (positions, normals))
+        given = [None if each is None else np.ascontiguousarray(each, np.float32) for each in (positions, normals, uv)]
+        named = dict(zip(("positions", "normals", "uv"), given, strict=True))
         self.launch(
             "prt_transfer",
             len(positions) if launched is None else launched,
             parameters=self._parameters,
-            positions=places,
-            normals=directions,
+            **named,
             points=count,
             transfer=out,
         )

@@ -25,8 +25,9 @@ from prtnet.render.raster import Raster
 Array = np.ndarray
 
 STAGES = ("map", "pack", "network", "shade", "unpack")
-# (positions (pixels, 3), normals, transfer (pixels, c), how many of the rows are points) -> None: it writes `transfer`
-Network = Callable[[DeviceArray, DeviceArray, DeviceArray, int], None]
+# (positions (pixels, 3), normals, transfer (pixels, c), how many of the rows are points, uv (pixels, 2) or
+# None where the net has no texels): it writes `transfer`
+Network = Callable[[DeviceArray, DeviceArray, DeviceArray, int, DeviceArray | None], None]
 
 
 class CudaNetMethod:
@@ -67,6 +68,7 @@ class CudaNetMethod:
         self._out = SharedTexture(device, picture, written=True)
         self.points, self._pixel = device.array(1, kind="int32"), device.array(pixels, kind="int32")
         self.positions, self.normals = device.array(pixels, 3), device.array(pixels, 3)
+        self.uv = device.array(pixels, 2) if self.net.texels else None
         self.transfer = device.array(pixels, len(self.net.biases[-1]))
         self._radiance = device.array(pixels, 4)
         self._parameters = device.upload(cuda.parameters(self.net))
@@ -121,17 +123,19 @@ class CudaNetMethod:
             "prt_pack",
             positions=self._shared["positions"].linear,
             normals=self._shared["normals"].linear,
+            albedo=self._shared["albedo"].linear,
             pixel=self._pixel,
             packed_positions=self.positions,
             packed_normals=self.normals,
+            packed_uv=self.uv,
             pixels=self.pixels,
         )
 
     def _transfer(self) -> None:
         if self.network:
-            self.network(self.positions, self.normals, self.transfer, int(self.points.read()[0]))
+            self.network(self.positions, self.normals, self.transfer, int(self.points.read()[0]), self.uv)
             return
-        points = {"positions": self.positions, "normals": self.normals, "transfer": self.transfer}
+        points = {"positions": self.positions, "normals": self.normals, "uv": self.uv, "transfer": self.transfer}
         self._launch("prt_transfer", parameters=self._parameters, **points)
 
     def _shade(self, camera: Camera) -> None:

@@ -14,7 +14,7 @@ from prtnet import PrtnetError, netspec
 from prtnet.export import cuda, cuda_host
 from prtnet.export.cuda_host import HostKernels
 from prtnet.netspec import NetSpec
-from tests.nets import random_points
+from tests.nets import random_points, random_uv
 
 TOLERANCE = 1e-5  # of each coefficient, as for every exported form
 needs_compiler = pytest.mark.skipif(
@@ -33,8 +33,11 @@ def worst(kernels: HostKernels, count: int, seed: int = 3, **more: int) -> float
     # corners of the cube, and places on corners of cells
     positions[: min(count, 8)] = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), -1).reshape(-1, 3)[:count]
     positions[8 : count // 4] = np.round(positions[8 : count // 4] * 8) / 8
-    found = kernels.transfer(positions, normals, **more)
-    error = np.abs(found - netspec.evaluate_unit(kernels.net, positions.astype(np.float64), normals))
+    uv = random_uv(count, seed)
+    # likewise of the atlas
+    uv[: count // 4] = np.round(uv[: count // 4] * 7) / 7
+    found = kernels.transfer(positions, normals, uv, **more)
+    error = np.abs(found - netspec.evaluate_unit(kernels.net, positions.astype(np.float64), normals, uv=uv))
     return float(np.nan_to_num(error, nan=np.inf).max(initial=0))
 
 

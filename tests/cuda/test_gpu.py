@@ -35,7 +35,13 @@ def drawing() -> Raster:
 def test_the_picture_is_that_of_the_shader(name, material, in_torch, drawing, device):
     net = random_net(**NETS[name])
     shader = NetMethod(
-        drawing, glsl.emit(net), material=material, groups=net.groups, grids=net.grids, hashes=net.hashes
+        drawing,
+        glsl.emit(net),
+        material=material,
+        groups=net.groups,
+        grids=net.grids,
+        hashes=net.hashes,
+        texels=net.texels,
     )
     network = DeviceNet(net) if in_torch else None
     found = CudaNetMethod(drawing, net, material=material, device=device, network=network).draw(EYE, light())
@@ -53,5 +59,6 @@ def test_transfer_is_that_of_numpy(name, drawing, device):
         positions, normals, transfer = (
             array.read()[:count] for array in (method.positions, method.normals, method.transfer)
         )
-    wanted = netspec.evaluate_unit(net, positions.astype(np.float64), normals)
+        uv = method.uv.read()[:count] if method.uv else None
+    wanted = netspec.evaluate_unit(net, positions.astype(np.float64), normals, uv=uv)
     assert np.abs(transfer - wanted).max() <= 1e-5

@@ -17,7 +17,7 @@ from prtnet.render.method import NetMethod
 from prtnet.render.raster import Raster
 from tests.cuda import emulated
 from tests.cuda.test_transfer import DEFAULT
-from tests.nets import random_net
+from tests.nets import random_net, random_texels
 from tests.render.meshes import quad, scene, sphere
 
 pytestmark = pytest.mark.cuda
@@ -54,13 +54,14 @@ def fused(drawing, device, folder, net, **more) -> CudaNetMethod:
 
 
 def in_glsl(drawing, net, material) -> NetMethod:
-    function = glsl.emit(net)
-    return NetMethod(drawing, function, material=material, groups=net.groups, grids=net.grids, hashes=net.hashes)
+    features = {"grids": net.grids, "hashes": net.hashes, "texels": net.texels}
+    return NetMethod(drawing, glsl.emit(net), material=material, groups=net.groups, **features)
 
 
 NETS = {
     "default recipe": {"width": 32, "depth": 2, "bands": 3, **DEFAULT},
     "groups": {"width": 8, "bands": 3, "groups": 4, "residual": True, "output": "linear"},
+    "texels": {"width": 8, "bands": 3, "output": "linear", "texels": (random_texels(40, 30),)},
 }
 
 
@@ -81,8 +82,9 @@ def test_the_picture_is_that_of_the_shader(name, material, drawing, device, tmp_
     assert (found[~covered] == 0).all()
 
 
-def test_transfer_is_that_of_numpy(drawing, device, tmp_path):
-    net = random_net(**NETS["default recipe"])
+@pytest.mark.parametrize("name", ["default recipe", "texels"])
+def test_transfer_is_that_of_numpy(name, drawing, device, tmp_path):
+    net = random_net(**NETS[name])
     method = fused(drawing, device, tmp_path, net)
     method.draw(EYE, light())
     with device.active():
@@ -90,13 +92,15 @@ def test_transfer_is_that_of_numpy(drawing, device, tmp_path):
         positions, normals, transfer = (
             array.read()[:count] for array in (method.positions, method.normals, method.transfer)
         )
+        uv = method.uv.read()[:count] if method.uv else None
     assert count == (drawing.faces(EYE)[..., 0] > 0).sum()
-    wanted = netspec.evaluate_unit(net, positions.astype(np.float64), normals)
+    wanted = netspec.evaluate_unit(net, positions.astype(np.float64), normals, uv=uv)
     assert np.abs(transfer - wanted).max() <= 1e-5
 
 
-def test_torch_takes_the_place_of_the_kernel_without_a_copy(drawing, device, tmp_path):
-    net = random_net(**NETS["default recipe"])
+@pytest.mark.parametrize("name", ["default recipe", "texels"])
+def test_torch_takes_the_place_of_the_kernel_without_a_copy(name, drawing, device, tmp_path):
+    net = random_net(**NETS[name])
     network = DeviceNet(net, "cpu", lambda array: torch.from_numpy(emulated.view(array)))
     kernel = fused(drawing, device, tmp_path, net, material=GLOSSY).draw(EYE, light())
     found = fused(drawing, device, tmp_path, net, material=GLOSSY, network=network).draw(EYE, light())

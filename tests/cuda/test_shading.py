@@ -9,7 +9,7 @@ from prtnet.export.cuda_host import HostKernels
 from prtnet.render import material as materials
 from prtnet.render.material import Material, Reflectance
 from tests.cuda.host import compiled, needs_compiler, survives
-from tests.nets import random_net, random_points
+from tests.nets import random_net, random_points, random_texels, random_uv
 
 PIXELS = 777  # no whole number of blocks
 EYE = (0.3, 2.0, -1.5)
@@ -26,14 +26,16 @@ def image(values: np.ndarray, last: np.ndarray | float = 1.0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def pictures():
-    """Positions with coverage, normals with exponents, albedo, and specular with diffuse weight, of random pixels."""
+    """Of random pixels: positions with v where one is covered, normals with exponents, albedo with u, and specular with
+    diffuse weight."""
     rng = np.random.default_rng(5)
     positions, normals = random_points(PIXELS)
     covered = rng.uniform(size=PIXELS) < 0.4
+    places = random_uv(PIXELS)
     return {
-        "positions": image(positions, covered.astype(np.float32)),
+        "positions": image(positions, np.where(covered, np.maximum(places[:, 1], 1e-30), 0)),
         "normals": image(normals, rng.uniform(1, 60, PIXELS).astype(np.float32)),
-        "albedo": image(rng.uniform(size=(PIXELS, 3))),
+        "albedo": image(rng.uniform(size=(PIXELS, 3)), places[:, 0]),
         "reflectance": image(rng.uniform(size=(PIXELS, 4))),
     }
 
@@ -43,18 +45,19 @@ def drawn(kernels, pictures, material: Material, light, *, own: bool) -> np.ndar
     net, count = kernels.net, len(pictures["positions"])
     outputs = len(net.biases[-1])
     points, pixel = np.zeros(1, np.int32), np.full(count, -1, np.int32)
-    positions, normals, transfer = (np.full((count, n), np.nan, np.float32) for n in (3, 3, outputs))
+    positions, normals, transfer, uv = (np.full((count, n), np.nan, np.float32) for n in (3, 3, outputs, 2))
+    uv = uv if net.texels else None
     radiance, picture = np.full((count, 4), np.nan, np.float32), np.full((count, 4), -1, np.float32)
     packed = {"points": points, "pixel": pixel}
     reflectance = pictures["reflectance"] if own else None
     places, directions = pictures["positions"], pictures["normals"]
     kernels.launch(
-        "prt_pack", count, pixels=count, positions=places, normals=directions, packed_positions=positions,
-        packed_normals=normals, **packed,
+        "prt_pack", count, pixels=count, positions=places, normals=directions, albedo=pictures["albedo"],
+        packed_positions=positions, packed_normals=normals, packed_uv=uv, **packed,
     )  # fmt: skip
     parameters = cuda.parameters(net)
     kernels.launch(
-        "prt_transfer", count, parameters=parameters, positions=positions, normals=normals, points=points,
+        "prt_transfer", count, parameters=parameters, positions=positions, normals=normals, uv=uv, points=points,
         transfer=transfer,
     )  # fmt: skip
     kernels.launch(
@@ -77,12 +80,13 @@ def expected(net, pictures, material: Material, light, *, own: bool) -> np.ndarr
     """The same by `render.material`."""
     covered = pictures["positions"][:, 3] > 0
     positions, normals = (pictures[name][covered, :3].astype(np.float64) for name in ("positions", "normals"))
+    uv = np.stack([pictures["albedo"][covered, 3], pictures["positions"][covered, 3]], axis=1)
     weights = pictures["reflectance"][covered].astype(np.float64)
     exponents = pictures["normals"][covered, 3].astype(np.float64)
     seen = materials.radiance(
         material,
         pictures["albedo"][covered, :3].astype(np.float64),
-        netspec.evaluate_unit(net, positions, normals),
+        netspec.evaluate_unit(net, positions, normals, uv=uv),
         light,
         normals,
         np.array(EYE) - positions,
@@ -104,9 +108,9 @@ def check(kernels, pictures) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("groups", [1, 4])
-def test_pixels_become_the_materials_radiance(groups, pictures, tmp_path):
-    net = random_net(bands=3, groups=groups, residual=True, output="linear")
+@pytest.mark.parametrize("fields", [{"groups": 1}, {"groups": 4}, {"texels": (random_texels(9, 6),)}])
+def test_pixels_become_the_materials_radiance(fields, pictures, tmp_path):
+    net = random_net(bands=3, residual=True, output="linear", **fields)
     check(compiled(net, tmp_path, radiance_bands=4), pictures)
 
 
@@ -115,6 +119,8 @@ MISTAKES = {
     "no barrier before the place of the block is read": ("found[0]);\n    __syncthreads();", "found[0]);"),
     "no barrier before the block's pixels are counted": ("(found, 1) : 0;\n    __syncthreads();", "(found, 1) : 0;"),
     "what is not covered is packed": ("a.positions[pixel].w > 0.0f", "a.positions[pixel].w >= 0.0f"),
+    "coverage for u": ("a.albedo[pixel].w;", "float(covered);"),
+    "u for v": ("2 * point + 1] = position.w", "2 * point + 1] = a.packed_uv[2 * point]"),
     "positions for normals": ("a.packed_normals[3 * point] = normal.x", "a.packed_normals[3 * point] = position.x"),
     "the direct group for all colours": ("PRT_GROUPS == 4 ? PRT_COUNT : 0", "0"),
     "no 1 / pi": ("0.318309886f * (a.reflectance", "1.0f * (a.reflectance"),
@@ -130,7 +136,8 @@ MISTAKES = {
 
 @needs_compiler
 def test_planted_mistakes_are_found(pictures, tmp_path):
-    net = random_net(bands=3, groups=4, width=4, depth=1, residual=True, output="linear")
+    texels = (random_texels(5, 6),)
+    net = random_net(bands=3, groups=4, width=4, depth=1, residual=True, output="linear", texels=texels)
     source, missed = cuda.source(net, 4), []
     for number, (name, (found, instead)) in enumerate({"none": ("", ""), **MISTAKES}.items()):
         assert name == "none" or source.count(found) == 1, name

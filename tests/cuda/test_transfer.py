@@ -6,7 +6,7 @@ import pytest
 from prtnet import PrtnetError, netspec
 from prtnet.export import cuda, cuda_host
 from tests.cuda.host import TOLERANCE, compiled, needs_compiler, survives, worst
-from tests.nets import random_grid, random_hash, random_net, random_points
+from tests.nets import random_grid, random_hash, random_net, random_points, random_texels, random_uv
 
 DEFAULT = {
     "activation": "hard_gelu",
@@ -29,6 +29,11 @@ NETS = {
         "width": 16,
         "grids": (random_grid(7, 4, 3, 12, "float32"), random_grid(1, 1, 1, 4), random_grid(2, 5, 8)),
         "hashes": (random_hash(7, 256, 8, "float32"), random_hash(1024, 512)),
+    },
+    "texels of all sorts": {
+        "width": 16,
+        "hashes": (random_hash(7),),
+        "texels": (random_texels(30, 20, 8), random_texels(7, 5, 4, "float32"), random_texels(1, 2)),
     },
 }
 
@@ -73,8 +78,8 @@ MISTAKES = {
     "no barrier after the layer is written": ("o][q]);\n        }\n    __syncthreads();", "o][q]);\n        }"),
     "no barrier after the encoding": ("tile + q);\n    }\n    __syncthreads();", "tile + q);\n    }"),
     "a barrier that half of the threads reach": (
-        "    PRT_HASHES(PRT_HASH)\n    __syncthreads();",
-        "    PRT_HASHES(PRT_HASH)\n    if (threadIdx.x < 64) __syncthreads();",
+        "    PRT_TEXELS(PRT_TEXEL)\n    __syncthreads();",
+        "    PRT_TEXELS(PRT_TEXEL)\n    if (threadIdx.x < 64) __syncthreads();",
     ),
     "too small a tile": ("PRT_ROWS * PRT_PITCH);", "PRT_ROWS * PRT_PITCH - PRT_PITCH);"),
     "one point too many is written": ("if (first + q < points) a.transfer", "if (first + q <= points) a.transfer"),
@@ -85,6 +90,12 @@ MISTAKES = {
     "grids a cell aside": ("(SIZE % 2) / 2.0f - 0.5f", "(SIZE % 2) / 2.0f"),
     "grids not clamped": ("fminf(fmaxf(at, -float(middle)), float(SIZE - 1 - middle))", "at"),
     "x and y of a grid exchanged": ("(unsigned(z[k]) * Y + y[j]) * X + x[i]", "(unsigned(z[k]) * X + x[i]) * Y + y[j]"),
+    "texels a texel aside": ("coordinate, -whole) - 0.5f", "coordinate, -whole)"),
+    "texels not clamped": ("coordinate = fminf(fmaxf(coordinate, 0.0f), 1.0f);\n", ""),
+    "texels upside down": ("unsigned(Y - 1 - y[j])", "unsigned(y[j])"),
+    "v for u": ("place_texel<X>(uv[2 * point]", "place_texel<X>(uv[2 * point + 1]"),
+    "places in the atlas of the first tile alone": ("? first + q : first;", "? q : first;"),
+    "texels in the rows of other inputs": ("store(tile + q, ROW + 4 * quad, sum)", "store(tile + q, 4 * quad, sum)"),
     "another prime": ("2654435761u", "2654435763u"),
     "corners of cells towards zero": ("floorf(at_x)", "truncf(at_x)"),
     "denormal float16 scaled wrongly": ("5.192296858534828e33f", "2.596148429267414e33f"),
@@ -97,9 +108,8 @@ MISTAKES = {
 
 @needs_compiler
 def test_planted_mistakes_are_found(tmp_path):
-    net = random_net(
-        width=16, depth=2, groups=4, bands=3, residual=True, **{**DEFAULT, "grids": (random_grid(5, 4, 3),)}
-    )
+    features = {**DEFAULT, "grids": (random_grid(5, 4, 3),), "texels": (random_texels(5, 4, 8),)}
+    net = random_net(width=16, depth=2, groups=4, bands=3, residual=True, **features)
     source, missed = cuda.source(net), []
     for number, (name, (found, instead)) in enumerate({"none": ("", ""), **MISTAKES}.items()):
         assert name == "none" or source.count(found) == 1, name
@@ -113,9 +123,11 @@ def _passes(kernels: cuda_host.HostKernels, tile: int) -> bool:
     """Whether the kernel is right at a few points, leaves what stands behind its output, and keeps CUDA's rules."""
     count, net = 2 * tile + 1, kernels.net
     positions, normals = random_points(count)
-    expected = netspec.evaluate_unit(net, positions, normals)
+    # beyond the atlas, too, as pixels at the edge of a triangle may be
+    uv = 2 * random_uv(count) - np.float32(0.5)
+    expected = netspec.evaluate_unit(net, positions, normals, uv=uv)
     out = np.full((count + 1, len(net.biases[-1])), 7, np.float32)
-    given = {"parameters": cuda.parameters(net), "positions": positions, "normals": normals, "transfer": out}
+    given = {"parameters": cuda.parameters(net), "positions": positions, "normals": normals, "uv": uv, "transfer": out}
     given["points"] = np.array([count], np.int32)
 
     def right() -> bool:
@@ -128,6 +140,19 @@ def _passes(kernels: cuda_host.HostKernels, tile: int) -> bool:
 def test_a_net_too_wide_is_refused():
     with pytest.raises(PrtnetError, match=r"layers of up to 516 outputs.*at most 512 outputs.*model\.width"):
         cuda.source(random_net(width=513, depth=1))
+
+
+@needs_compiler
+def test_texels_of_a_large_image_are_as_exact(tmp_path):
+    net = random_net(width=16, texels=(random_texels(300, 1000),))
+    assert worst(compiled(net, tmp_path), 2000) <= TOLERANCE
+
+
+@needs_compiler
+def test_texels_without_their_places_are_refused(tmp_path):
+    net = random_net(width=4, texels=(random_texels(3, 3),))
+    with pytest.raises(PrtnetError, match="found no uv"):
+        compiled(net, tmp_path).transfer(*random_points(3))
 
 
 def test_a_net_with_inputs_that_the_kernels_do_not_know_is_refused():

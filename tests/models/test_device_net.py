@@ -15,17 +15,15 @@ def test_torch_computes_what_numpy_computes(name):
     net = random_net(**NETS[name])
     network = DeviceNet(net, "cpu", torch.from_numpy)
     positions, normals = random_points(400)
+    uv = random_uv(400)
     transfer = np.full((500, len(net.biases[-1])), 7, np.float32)
-    network(positions, normals, transfer, 300)
-    wanted = netspec.evaluate_unit(net, positions[:300].astype(np.float64), normals[:300])
+    network(positions, normals, transfer, 300, uv)
+    wanted = netspec.evaluate_unit(net, positions[:300].astype(np.float64), normals[:300], uv=uv[:300])
     np.testing.assert_allclose(transfer[:300], wanted, atol=1e-5)
     assert (transfer[300:] == 7).all()
 
 
-def test_texels_are_looked_up_at_the_points_places():
-    net, points, uv = random_net(texels=(random_texels(9, 7),)), random_points(40), random_uv(40)
-    transfer = np.empty((40, 25), np.float32)
-    DeviceNet(net, "cpu", torch.from_numpy)(*points, transfer, 40, uv)
-    np.testing.assert_allclose(transfer, netspec.evaluate_unit(net, *points, uv=uv), atol=1e-5)
+def test_texels_without_their_places_are_refused():
+    net, points = random_net(texels=(random_texels(9, 7),)), random_points(40)
     with pytest.raises(PrtnetError, match="found no uv"):
-        DeviceNet(net, "cpu", torch.from_numpy)(*points, transfer, 40)
+        DeviceNet(net, "cpu", torch.from_numpy)(*points, np.empty((40, 25), np.float32), 40)

@@ -4,12 +4,14 @@
 // prtnet/render/material.py.
 
 struct Pack {
-    const float4 *positions;  // of pixels; w above 0 where a surface is
+    const float4 *positions;  // of pixels; w: v in the atlas, above 0, where a surface is
     const float4 *normals;
+    const float4 *albedo;     // w: u in the atlas
     int *points;              // 0 before; the number of covered pixels after
     int *pixel;               // (points), in no fixed order: nothing depends on it
     float *packed_positions;  // (points, 3)
     float *packed_normals;
+    float *packed_uv;         // (points, 2); null: nobody asks for it
     int pixels;
 };
 
@@ -33,6 +35,9 @@ PRT_KERNEL(prt_pack, Pack, PRT_PACK_THREADS) {
     a.packed_normals[3 * point] = normal.x;
     a.packed_normals[3 * point + 1] = normal.y;
     a.packed_normals[3 * point + 2] = normal.z;
+    if (!a.packed_uv) return;
+    a.packed_uv[2 * point] = a.albedo[pixel].w;
+    a.packed_uv[2 * point + 1] = position.w;
 }
 
 struct Diffuse {

@@ -164,6 +164,42 @@ __device__ inline void hashed_grid(const float *__restrict__ table, float *tile)
     }
 }
 
+// Where a texture coordinate lies among SIZE texels, which go on beyond the first and the last. The whole texels come
+// off before anything is rounded: the share keeps its digits however large the image is.
+template <int SIZE>
+__device__ inline void place_texel(float coordinate, int &low, int &high, float &share) {
+    coordinate = fminf(fmaxf(coordinate, 0.0f), 1.0f);
+    const float whole = floorf(float(SIZE) * coordinate);
+    const float rest = fmaf(float(SIZE), coordinate, -whole) - 0.5f;
+    const int before = int(whole) + int(floorf(rest));
+    low = before < 0 ? 0 : before;
+    high = before + 1 < SIZE ? before + 1 : SIZE - 1;
+    share = rest - floorf(rest);
+}
+
+// Bilinear features of an image over the atlas, stored (y, x, channels) from v = 1 downwards, at `uv` of the points from
+// `first` on, into rows from ROW on.
+template <int ROW, int X, int Y, int CHANNELS, bool HALF>
+__device__ inline void texel_image(
+    const float *__restrict__ table, const float *__restrict__ uv, int first, int points, float *tile) {
+    for (int job = threadIdx.x; job < CHANNELS / 4 * PRT_TILE; job += PRT_THREADS) {
+        const int q = job % PRT_TILE, quad = job / PRT_TILE, point = first + q < points ? first + q : first;
+        int x[2], y[2];
+        float u, v;
+        place_texel<X>(uv[2 * point], x[0], x[1], u);
+        place_texel<Y>(uv[2 * point + 1], y[0], y[1], v);
+        float4 sum = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
+#pragma unroll
+        for (int corner = 0; corner < 4; ++corner) {
+            const int i = corner & 1, j = corner >> 1;
+            const float weight = (i ? u : 1.0f - u) * (j ? v : 1.0f - v);
+            const unsigned cell = unsigned(Y - 1 - y[j]) * X + x[i];
+            add(sum, weight, texel<HALF>(table, cell * (CHANNELS / 4) + quad));
+        }
+        store(tile + q, ROW + 4 * quad, sum);
+    }
+}
+
 // ------------------------------------------------------------------------------------------------------- the layers
 
 // The activations of netspec.activation; x / (1 + exp(-x)) with exp kept finite.
@@ -243,6 +279,7 @@ struct Transfer {
     const float *parameters;  // of the net
     const float *positions;   // (points, 3), centred, in [-1, 1]^3
     const float *normals;     // (points, 3), unit
+    const float *uv;          // (points, 2), in the atlas, v up; null where the net has no texels
     const int *points;        // how many there are: known on the device alone
     float *transfer;          // (points, PRT_OUTPUTS)
 };
@@ -265,10 +302,13 @@ PRT_KERNEL(prt_transfer, Transfer, PRT_THREADS) {
     dense_grid<row, x, y, z, channels, half>(a.parameters + offset, tile);
 #define PRT_HASH(row, cells, entries, channels, half, offset) \
     hashed_grid<row, cells, entries, channels, half>(a.parameters + offset, tile);
+#define PRT_TEXEL(row, x, y, channels, half, offset) \
+    texel_image<row, x, y, channels, half>(a.parameters + offset, a.uv, first, points, tile);
 #define PRT_LAYER(inputs, outputs, last, weights, biases) \
     layer<inputs, outputs, last>(a.parameters + weights, a.parameters + biases, tile);
     PRT_GRIDS(PRT_GRID)
     PRT_HASHES(PRT_HASH)
+    PRT_TEXELS(PRT_TEXEL)
     __syncthreads();
     PRT_LAYERS(PRT_LAYER)
 #ifdef PRT_RESIDUAL

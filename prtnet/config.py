@@ -115,6 +115,7 @@ class ExportOptions:
     version: str = "330"  # of GLSL: 330, 430, "300 es"
     precision: str = "float32"  # of weights and biases, or float16
     digits: int = 9  # of literals, 4 to 9; 9 say every float32
+    cuda: bool = False  # transfer.cu, the network as CUDA kernels, and transfer_cuda.bin, the numbers they read
     lightmap: bool = False  # lightmap.glb for engines, with the run's light baked in, its images beside it
     web: bool = False  # the run as one HTML file as well, page.html
     web_texture: int | None = 512  # texels along one side of its texture; atlas.size when left out

@@ -12,6 +12,7 @@
 | `errors` | `max`, `mean` and `bound` of each comparison, absolute |
 | `timing` | CPU-seconds to the first pixels, milliseconds of a frame of `frame` pixels |
 | `beyond_minimum` | what the least of drivers may refuse, where there is such a thing |
+| `cuda` | of the CUDA kernels, where they were asked for: `validated` by nvcc, and as above, on the processor |
 | `files` | SHA-256 of each file |
 
 It is written last: where it is, the files it names are whole.

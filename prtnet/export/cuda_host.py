@@ -30,6 +30,14 @@ def compiler() -> str | None:
     return shutil.which("g++") or shutil.which("clang++")
 
 
+def version() -> str | None:
+    """What the compiler says that it is, or None where there is none."""
+    found = compiler()
+    if found is None:
+        return None
+    return subprocess.run([found, "--version"], capture_output=True, text=True, check=True).stdout.split("\n")[0]
+
+
 def build(source: str, library: Path, *flags: str) -> Path:
     """Compile a text of kernels (`cuda.source`) to a shared library. Raises PrtnetError with the compiler's words."""
     found = compiler()
@@ -44,12 +52,13 @@ def build(source: str, library: Path, *flags: str) -> Path:
 
 
 class HostKernels:
-    """The kernels of one net, from a library that `build` made. Arrays are the device's memory."""
+    """The kernels of one net, from a library that `build` made. Arrays are the device's memory; `parameters` are
+    those of `cuda.parameters` where left out."""
 
-    def __init__(self, net: NetSpec, library: Path):
+    def __init__(self, net: NetSpec, library: Path, parameters: Float32[Array, " n"] | None = None):
         self.net = net
         self._library = ctypes.CDLL(str(library))
-        self._parameters = cuda.parameters(net)
+        self._parameters = cuda.parameters(net) if parameters is None else parameters
 
     def launch(self, kernel: str, points: int, /, **values: Array | int | float | tuple[float, ...] | None) -> None:
         """Run a kernel on blocks for that many points, or pixels; arrays are passed by address, None as null.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from prtnet import PrtnetError, gl, netspec, store
-from prtnet.export import bundle, certificate, form, gltf, limits, texture_file, vertices
+from prtnet.export import bundle, certificate, cuda_file, form, gltf, limits, texture_file, vertices
 from prtnet.export.bundle import Bundle
 from prtnet.export.form import Form
 from prtnet.models.inference import Inference
@@ -17,6 +17,7 @@ from prtnet.netspec import NetSpec
 from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.candidates import form_of
+from prtnet.pipeline.cuda import kernels
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.lightmap import write_lightmap
 from prtnet.pipeline.train import Trained
@@ -28,6 +29,7 @@ Array = np.ndarray
 
 CHECKED_POINTS = 1 << 14  # of the cube, and as many of the scene, of a net of literals
 NET = "net.safetensors"
+_NAMES = {*bundle.NAMES, *cuda_file.NAMES}
 # what is left of earlier versions
 _FORMER = ("export.json",)
 
@@ -63,16 +65,19 @@ def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
         validated = bundle.validate(made)
         measured = _measured(job, points, trained, made)
         certificate.refuse(measured["errors"])
+        count = _checked(made)
+        in_cuda = kernels(job, trained, count, lambda: _points(job, points, count))
     except PrtnetError:
-        certificate.remove(job.out, (*bundle.NAMES, NET, *_FORMER))
+        certificate.remove(job.out, (*_NAMES, NET, *_FORMER))
         raise
+    files = made.files | in_cuda.files
     facts = {"net": certificate.of_net(trained.net), "form": asdict(made.form), **measured}
-    facts |= {"validated": validated, **({"beyond_minimum": beyond} if beyond else {})}
-    certificate.remove(job.out, (*(set(bundle.NAMES) - set(made.files)), *_FORMER))
+    facts |= {"validated": validated, **({"beyond_minimum": beyond} if beyond else {}), **in_cuda.facts}
+    certificate.remove(job.out, (*(_NAMES - set(files)), *_FORMER))
     netspec.save(trained.net, job.out / NET)
-    for name, data in made.files.items():
+    for name, data in files.items():
         store.write_bytes(job.out / name, data)
-    certificate.write(job.out, facts, [NET, *made.files])
+    certificate.write(job.out, facts, [NET, *files])
     words = "; ".join(f"{what} {each['max']:.1e}" for what, each in measured["errors"].items())
     log.info("export: %s, %s; errors at most: %s", made.form.storage, measured.get("device", "not run"), words)
     # uniform blocks are not run: what is drawn has the same weights
@@ -113,20 +118,25 @@ def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> di
     inputs = {"net": trained.key, "shaders": texts, "points": count}
 
     def make() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        rng = job.rng("export")
-        positions, normals = verify.random_points(count, rng)
-        few = rng.permutation(len(points.areas.positions))[:count]
-        positions = np.concatenate([positions, points.areas.positions[few]]).astype(np.float32)
-        normals = np.concatenate([normals, points.areas.normals[few]]).astype(np.float32)
-        places = points.areas.uv
-        uv = None if places is None else np.concatenate([rng.random((count, 2), np.float32), places[few]])
-        where = certify.Points(positions, normals, uv)
+        where = _points(job, points, count)
         facts = certify.errors_and_timing(made, trained.net, where)
-        facts["points"] = {"cube": count, "scene": len(few)}
+        facts["points"] = {"cube": count, "scene": len(where.positions) - count}
         facts["errors"]["torch"] = _torch_error(trained.net, where)
         return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
+
+
+def _points(job: Job, points: NetPoints, count: int) -> certify.Points:
+    """As many of the cube, and then at most as many of the scene."""
+    rng = job.rng("export")
+    positions, normals = verify.random_points(count, rng)
+    few = rng.permutation(len(points.areas.positions))[:count]
+    positions = np.concatenate([positions, points.areas.positions[few]]).astype(np.float32)
+    normals = np.concatenate([normals, points.areas.normals[few]]).astype(np.float32)
+    places = points.areas.uv
+    uv = None if places is None else np.concatenate([rng.random((count, 2), np.float32), places[few]])
+    return certify.Points(positions, normals, uv)
 
 
 def _checked(made: Bundle) -> int:

@@ -26,6 +26,8 @@ FILES = {
     "irradiance.glsl": "prt_irradiance, with the light folded into the last layer, in place of the others",
     "irradiance.frag": "the same as a whole fragment shader",
     "transfer_weights.bin": "the weights of the shaders' texture or uniform blocks",
+    "transfer.cu": "the same network as CUDA kernels",
+    "transfer_cuda.bin": "the numbers that they read",
     "transfer_texture.exr": "the baseline: transfer in the atlas, one channel per coefficient",
     "transfer_texture.json": "what the channels are, for readers of the texture",
     "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from prtnet import PrtnetError, netspec
-from prtnet.export import certificate, form, weight_texture
+from prtnet.export import certificate, cuda, cuda_file, cuda_host, form, weight_texture
 from prtnet.export.bundle import NAMES, WEIGHTS
 from prtnet.export.form import Form
 from prtnet.pipeline import run
 from prtnet.render import verify
+from tests.cuda.host import needs_compiler
+from tests.nets import random_points
 from tests.pipeline.test_pipeline import config
 
 
@@ -33,7 +35,8 @@ def exported(base: Path, out: Path, **options: object) -> dict:
 
 
 def written(out: Path) -> set[str]:
-    return {name for name in (*NAMES, "net.safetensors", certificate.NAME) if (out / name).exists()}
+    names = (*NAMES, *cuda_file.NAMES, "net.safetensors", certificate.NAME)
+    return {name for name in names if (out / name).exists()}
 
 
 def test_the_certificate_of_literals(base):
@@ -137,3 +140,40 @@ def test_bad_words_are_refused_before_any_work(changes, message, tmp_path):
     with pytest.raises(PrtnetError, match=message):
         run(config(tmp_path, **changes))
     assert not (tmp_path / "cache").exists()
+
+
+@needs_compiler
+def test_kernels_are_measured_and_compute_the_net(base, tmp_path):
+    found = exported(base, tmp_path, cuda=True)
+    assert found["cuda"]["executed"]
+    assert found["cuda"]["compiler"]
+    error = found["cuda"]["errors"]["coefficients"]
+    assert 0 < error["mean"] < error["max"] <= error["bound"] == 1e-5
+    assert set(cuda_file.NAMES) < set(found["files"])
+    # as another program takes them: the text, the buffer and the structure
+    net, points = netspec.load(tmp_path / "net.safetensors"), random_points(200)
+    library = cuda_host.build((tmp_path / cuda_file.SOURCE).read_text(), tmp_path / "kernels.so")
+    buffer = np.fromfile(tmp_path / cuda_file.PARAMETERS, "<f4")
+    computed = cuda_host.HostKernels(net, library, buffer).transfer(*points)
+    np.testing.assert_allclose(computed, netspec.evaluate_unit(net, *points), atol=1e-5)
+    # and without them nothing of them stays
+    assert "cuda" not in exported(base, tmp_path)
+    assert written(tmp_path) == written(base)
+
+
+@needs_compiler
+def test_a_kernel_that_is_wrong_leaves_nothing(base, tmp_path, monkeypatch):
+    exported(base, tmp_path, cuda=True)
+    source = cuda.source
+    monkeypatch.setattr(cuda, "source", lambda net: source(net).replace("octave = 0.5f", "octave = 0.25f"))
+    with pytest.raises(PrtnetError, match=r"CUDA kernel, compiled by .*found an error of .*export\.cuda=false"):
+        exported(base, tmp_path, cuda=True)
+    assert not written(tmp_path)
+
+
+def test_kernels_that_were_not_run_say_so(base, tmp_path, monkeypatch):
+    monkeypatch.setattr(cuda_host, "compiler", lambda: None)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    found = exported(base, tmp_path, cuda=True)["cuda"]
+    assert found == {"validated": False, "executed": False, "reason": "not run: found no g++ or clang++"}
+    assert (tmp_path / cuda_file.SOURCE).exists()

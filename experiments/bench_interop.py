@@ -3,6 +3,7 @@
     python experiments/bench_interop.py [--size 1024]
 
 Nets of the default recipe with weights at random, which take as long as trained ones; diffuse, five bands, `plants`.
+GLSL has its weights as an export would, as literals in small nets, and in a texture above 20 000 multiply-adds.
 """
 
 import argparse
@@ -13,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from prtnet import PrtnetError, netspec
+from prtnet import PrtnetError, gl, netspec
 from prtnet.data import atlas, builtin, light
 from prtnet.data.tracer import Tracer
-from prtnet.export import cuda_build, glsl
+from prtnet.export import cuda_build, glsl, limits, weight_texture
+from prtnet.export.form import Form
 from prtnet.models.device_net import DeviceNet
 from prtnet.models.mlp import Mlp
 from prtnet.models.recipe import ModelOptions, TrainOptions
@@ -31,10 +33,11 @@ BANDS = 5
 
 
 class Row(NamedTuple):
-    """Milliseconds of a frame, and of the stages of the fused kernel's; None where a form was refused or left out."""
+    """Milliseconds of a frame, and of the stages of the fused kernel's; None where it was refused or left out."""
 
     width: int
     macs: int
+    storage: str  # of the weights in GLSL
     glsl: float | None
     kernel: float
     torch: float | None
@@ -63,7 +66,9 @@ def rows(
         if torch_too:
             method = CudaNetMethod(drawing, net, device=device, build=build, network=DeviceNet(net))
             by_torch = method.milliseconds(view, sky)
-        made.append(Row(width, netspec.macs(net), _in_glsl(drawing, net, view, sky), whole, by_torch, stages))
+        form = Form().of(net)
+        in_glsl = _in_glsl(drawing, net, form, view, sky)
+        made.append(Row(width, netspec.macs(net), form.storage, in_glsl, whole, by_torch, stages))
     return made
 
 
@@ -72,22 +77,23 @@ def _net(width: int, depth: int) -> NetSpec:
     return Mlp(model, TrainOptions(), BANDS, torch.Generator().manual_seed(0)).spec()
 
 
-def _in_glsl(drawing: Raster, net: NetSpec, view: camera.Camera, sky: np.ndarray) -> float | None:
+def _in_glsl(drawing: Raster, net: NetSpec, form: Form, view: camera.Camera, sky: np.ndarray) -> float | None:
     try:
-        function = glsl.emit(net)
+        function = glsl.transfer(net, form, limits.of_driver(gl.context().info))
     except PrtnetError:
         return None
-    return NetMethod(drawing, function, grids=net.grids, hashes=net.hashes).milliseconds(view, sky)
+    weights = weight_texture.texels(net) if form.storage == "texture" else None
+    return NetMethod(drawing, function, grids=net.grids, hashes=net.hashes, weights=weights).milliseconds(view, sky)
 
 
 def table(made: Sequence[Row]) -> str:
     """Markdown."""
-    lines = ["| k | multiply-adds | GLSL ms | CUDA ms | with torch ms | " + " | ".join(STAGES) + " |"]
-    lines += ["|" + "---|" * (5 + len(STAGES))]
+    lines = ["| k | multiply-adds | weights in GLSL | GLSL ms | CUDA ms | with torch ms | " + " | ".join(STAGES) + " |"]
+    lines += ["|" + "---|" * (6 + len(STAGES))]
     for row in made:
         times = [row.kernel, row.torch, *row.stages.values()]
         cells = [_words(row.glsl, "refused"), *(_words(each, "-") for each in times)]
-        lines.append(f"| {row.width} | {row.macs} | " + " | ".join(cells) + " |")
+        lines.append(f"| {row.width} | {row.macs} | {row.storage} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

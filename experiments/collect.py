@@ -64,10 +64,10 @@ def collect_sweep(sweep: Path, folder: Path) -> None:
     default = [file for file in lobes if "ablation=none" in file.parent.name.split(",")]
     shutil.copyfile((default or lobes)[0], folder / "lobes.png")
     command = (sweep / "command.txt").read_text(encoding="utf-8")
-    store.write_text(folder / "command.txt", f"{command}# collected at commit {_commit()}\n")
+    store.write_text(folder / "command.txt", f"{command}# collected at commit {commit()}\n")
 
 
-def _commit() -> str:
+def commit() -> str:
     """The commit of this checkout, and whether files differ from it."""
     git = ["git", "-C", str(STUDIES)]
     commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bench_plants
 import numpy as np
 
 from prtnet import sh
@@ -25,7 +26,8 @@ Row = dict[str, str | float]
 
 
 def export() -> list[Row]:
-    """Literals against torch and against the folded light, first draws, and weight textures."""
+    """Literals against torch and against the folded light, first draws, weight textures; then trained nets on plants,
+    and the page."""
     with tempfile.TemporaryDirectory() as cache:
         rows = _of("literals", "speed", 32, 2, cache)
         rows += _of("folded light", "folding", 32, 2, cache)
@@ -34,7 +36,7 @@ def export() -> list[Row]:
     for width in (64, 128, 256):
         with tempfile.TemporaryDirectory() as cache:
             rows += _of("weight texture, cold", "texture", width, 4, cache)
-    return rows
+    return rows + bench_plants.decoders() + bench_plants.page()
 
 
 def _of(what: str, part: str, width: int, depth: int, cache: str) -> list[Row]:

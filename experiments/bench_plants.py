@@ -27,7 +27,7 @@ def decoders(*changes: str) -> list[Row]:
     """PSNR and a frame's time of diffuse nets with features over the atlas, from 64 x 4 to 16 x 2, over that of the
     texture method in the same run: 512^2, one thread of the software driver."""
     out = RUNS / "exports_512"
-    words = [f"ablation={','.join(WORDS)}", f"train.cpu_seconds={SECONDS}", "render.size=512"]
+    words = [f"ablation={','.join(WORDS)}", f"train.cpu_seconds={SECONDS}", "render.size=512", "render.views=1"]
     _prtnet(*words, f"out={out}", *changes)
     found, _ = score.read(out / "score.json")
     rows: list[Row] = []

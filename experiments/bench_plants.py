@@ -16,6 +16,7 @@ from prtnet.export import browser
 from prtnet.pipeline import web
 
 RUNS = Path("runs")
+FRAMES = Path(__file__).parent / "exports" / "frames.py"
 WORDS = ("texels", "texels_32x2", "texels_16x2")
 SECONDS = 30  # of training
 REST = 2.0  # seconds in which nothing happens
@@ -24,21 +25,25 @@ Row = dict[str, str | float]
 
 
 def decoders(*changes: str) -> list[Row]:
-    """PSNR and a frame's time of diffuse nets with features over the atlas, from 64 x 4 to 16 x 2, over that of the
-    texture method in the same run: 512^2, one thread of the software driver."""
-    out = RUNS / "exports_512"
-    words = [f"ablation={','.join(WORDS)}", f"train.cpu_seconds={SECONDS}", "render.size=512", "render.views=1"]
-    _prtnet(*words, f"out={out}", *changes)
-    found, _ = score.read(out / "score.json")
+    """PSNR of diffuse nets with features over the atlas, from 64 x 4 to 16 x 2, and CPU time of a frame of 512^2 in one
+    thread, over that of the texture method in the same process."""
+    out = RUNS / "exports_texels"
+    _prtnet(f"ablation={','.join(WORDS)}", f"train.cpu_seconds={SECONDS}", f"out={out}", *changes)
+    _run(str(FRAMES), str(out), "512")
     rows: list[Row] = []
-    for row in found:
-        if row.reference != "traced" or row.method not in ("net", "texture"):
-            continue
-        common = {"scene": f"{row.scene}, {row.point}"}
-        rows.append({**common, "what": f"{row.method}: PSNR against traced, dB", "value": row.psnr or 0.0})
-        if row.method == "net":
-            rows.append({**common, "what": "net / texture, frames of 512^2", "value": row.ms_ratio or 0.0})
+    for point in sorted(out.glob("ablation=*")):
+        found, _ = score.read(point / "score.json")
+        taken = json.loads((point / "frames.json").read_text())
+        figures = {f"{row.method}: PSNR against traced, dB": row.psnr for row in found if _is_method(row)}
+        figures |= {f"{name}, 512^2, CPU-ms": taken[name] for name in ("net", "texture")}
+        figures["net / texture"] = taken["ratio"]
+        scene = f"{found[0].scene}, {point.name.partition('=')[2]}"
+        rows += [{"scene": scene, "what": what, "value": value or 0.0} for what, value in figures.items()]
     return rows
+
+
+def _is_method(row: score.Row) -> bool:
+    return row.is_method and row.reference == "traced"
 
 
 def page(*changes: str) -> list[Row]:
@@ -76,10 +81,13 @@ def _frames_at_rest(file: Path) -> int:
 
 
 def _prtnet(*words: str) -> None:
-    """`prtnet -m experiment=exports WORDS` in one thread."""
+    _run("-m", "prtnet", "-m", "experiment=exports", *words)
+
+
+def _run(*words: str) -> None:
+    """Python, its drawing in one thread."""
     environment = os.environ | {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    arguments = [sys.executable, "-m", "prtnet", "-m", "experiment=exports", *words]
-    subprocess.run(arguments, env=environment, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.executable, *words], env=environment, check=True, stdout=subprocess.DEVNULL)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from experiments.exports import report
+from experiments.exports import frames, report
 from prtnet import PrtnetError, score, sh
 from prtnet.export import form
 from prtnet.models import recipe
@@ -40,6 +40,7 @@ def reported(swept, tmp_path_factory):
     results = tmp_path_factory.mktemp("study") / "results"
     results.mkdir()
     (results / "page.png").write_bytes(b"kept")
+    frames.main(swept)
     report.report(swept, results)
     with (results / "certificates.csv").open(newline="") as file:
         return results, {row["form"]: row for row in csv.DictReader(file)}
@@ -80,6 +81,14 @@ def test_a_row_has_what_the_scores_say(swept, reported):
         net = next(each for each in scored if each.method == "net" and each.reference == "traced")
         for key in ("psnr", "ms_ratio"):
             assert float(rows[form_name][key]) == pytest.approx(getattr(net, key), rel=1e-3)
+
+
+def test_a_row_has_the_cpu_time_of_frames(swept, reported):
+    for form_name, point in (("literal", LITERAL), ("deferred", DEFERRED)):
+        found = json.loads((swept / point / frames.NAME).read_text())
+        assert float(reported[1][form_name]["cpu_ratio"]) == pytest.approx(found["ratio"], rel=1e-3)
+        assert found["ratio"] > 0
+        assert found["size"] == 32
 
 
 def test_what_the_cpu_draws_has_no_shader_of_its_own(swept, reported):

@@ -2,8 +2,9 @@
 
     python experiments/exports/report.py runs/exports
 
-takes every point of the sweep, checks its files against its certificate, and writes certificates.csv (all figures),
-certificates.md (the main ones), chart.png and command.txt into experiments/exports/results/.
+takes every point of the sweep, with what `frames.py` has left there, checks its files against its certificate, and
+writes certificates.csv (all figures), certificates.md (the main ones), chart.png and command.txt into
+experiments/exports/results/.
 """
 
 import csv
@@ -17,6 +18,7 @@ import yaml
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from experiments import collect
+from experiments.exports import frames
 from prtnet import PrtnetError, netspec, score, store
 from prtnet.chart import plot, tables
 from prtnet.export import bundle, certificate
@@ -38,7 +40,18 @@ FILES = ("transfer.glsl", "irradiance.glsl", "shading.glsl", bundle.WEIGHTS, NET
 COLUMNS = (
     *("point", "width", "depth", "form", "macs", "executed", "device", "validated", "points"),
     *(f"{name}_{what}" for name in ERRORS.values() for what in ("max", "mean", "bound") if (name, what) not in UNBOUND),
-    *("first_draw_cpu_s", "frame_of_points", "points_ms", "frame", "ms", "ms_ratio", "psnr", "psnr_texture"),
+    *(
+        "first_draw_cpu_s",
+        "frame_of_points",
+        "points_ms",
+        "frame",
+        "ms",
+        "ms_ratio",
+        "cpu_ms",
+        "cpu_ratio",
+        "psnr",
+        "psnr_texture",
+    ),
     *(f"bytes_{name}" for name in FILES),
 )
 FORMS = ("literal", "texture", "ubo", drawn_by.DEFERRED)
@@ -98,7 +111,17 @@ def _frames(point: Path, options: Row) -> Row:
         "ms_ratio": net.ms_ratio,
         "psnr": net.psnr,
         "psnr_texture": texture.psnr,
+        **_cpu(point),
     }
+
+
+def _cpu(point: Path) -> Row:
+    """What `frames.py` has left: nothing where it did not run."""
+    path = point / frames.NAME
+    if not path.exists():
+        return {}
+    found = json.loads(path.read_text(encoding="utf-8"))
+    return {"cpu_ms": found["net"], "cpu_ratio": found["ratio"]}
 
 
 def markdown(rows: list[Row]) -> str:
@@ -128,7 +151,7 @@ CELLS: tuple[tuple[str, Callable[[Any], str]], ...] = (
     ("diffuse_max", ERROR),
     ("glossy_max", ERROR),
     ("first_draw_cpu_s", _or_dash(lambda value: f"{value:.2f} s")),
-    ("ms_ratio", _or_dash(tables.ratio)),
+    ("cpu_ratio", _or_dash(tables.ratio)),
     ("bytes_transfer.glsl", SIZE),
     (f"bytes_{bundle.WEIGHTS}", SIZE),
     ("psnr", _or_dash(tables.decimals(2))),
@@ -138,7 +161,10 @@ CELLS: tuple[tuple[str, Callable[[Any], str]], ...] = (
 def chart(path: Path, rows: list[Row]) -> None:
     """Write a PNG: what a frame and a first draw cost by the size of the net, a line for each form."""
     figure = plot.canvas(9.6, 3.6)
-    panels = (("ms_ratio", "a frame, over that of the texture method"), ("first_draw_cpu_s", "first draw, CPU-seconds"))
+    panels = (
+        ("cpu_ratio", "CPU time of a frame, over that of the texture method"),
+        ("first_draw_cpu_s", "first draw, CPU-seconds"),
+    )
     for place, (key, label) in enumerate(panels):
         axes = figure.add_axes((0.07 + 0.49 * place, 0.15, 0.42, 0.72))
         plot.dress(axes)

@@ -117,6 +117,13 @@ def test_files_that_were_edited_are_refused(swept, tmp_path):
         report.gather(tmp_path)
 
 
+def test_frames_that_were_not_timed_are_refused(swept, tmp_path):
+    shutil.copytree(swept / LITERAL, tmp_path / LITERAL)
+    (tmp_path / LITERAL / frames.NAME).unlink()
+    with pytest.raises(PrtnetError, match=r"frames\.py writes; run it first"):
+        report.gather(tmp_path)
+
+
 def test_a_folder_without_points_is_refused(tmp_path):
     with pytest.raises(PrtnetError, match="found no point"):
         report.report(tmp_path, tmp_path / "results")

@@ -30,12 +30,14 @@ PRESSED = ("s",)  # split, the texture to the right
 
 
 def of_page(file: Path, results: Path) -> None:
-    """page.png and phone.png: the page once its last frame is there."""
+    """page.png and phone.png: the page once its last frame is there, with all its pixels."""
     for name, (size, scale, mobile) in SCREENS.items():
         with Browser(size=size, scale=scale) as found:
             found.resize(size, scale, mobile=mobile)
             found.goto(file.resolve().as_uri())
             found.evaluate("prtnet.ready")
+            # all pixels, where a busy machine makes the page draw fewer
+            found.evaluate("prtnet.viewer.full = true; prtnet.viewer.changed()")
             until(lambda found=found: not found.evaluate("prtnet.viewer.pending"))
             shot = found.send("Page.captureScreenshot", format="png")["data"]
         keep(Image.open(io.BytesIO(base64.b64decode(shot))), results / f"{name}.png")

@@ -59,7 +59,7 @@ FORMS = ("literal", "texture", "ubo", drawn_by.DEFERRED)
 
 def gather(sweep: Path) -> list[Row]:
     """A row for each point, by width and then by form. Raises PrtnetError where there is none, or where files are not
-    those that were measured."""
+    those that were measured, or frames were not timed."""
     found = [_row(path.parent) for path in sorted(sweep.glob(f"*/{certificate.NAME}"))]
     if not found:
         raise PrtnetError(f"{sweep}: found no point with {certificate.NAME}, expected a finished sweep with nets")
@@ -116,10 +116,9 @@ def _frames(point: Path, options: Row) -> Row:
 
 
 def _cpu(point: Path) -> Row:
-    """What `frames.py` has left: nothing where it did not run."""
     path = point / frames.NAME
     if not path.exists():
-        return {}
+        raise PrtnetError(f"{path}: no such file, expected what experiments/exports/frames.py writes; run it first")
     found = json.loads(path.read_text(encoding="utf-8"))
     return {"cpu_ms": found["net"], "cpu_ratio": found["ratio"]}
 

@@ -142,7 +142,7 @@ def test_texels_keep_the_bake_and_belong_to_an_atlas(finished):
     out, cache = finished / "texels", str(finished / "cache")
     run(config(out, cache=cache, train__texel_size=8))
     assert {stage: artifacts(finished, stage) for stage in stages} == {stage: before[stage] for stage in stages}
-    assert json.loads((out / "export.json").read_text())["error_max"] <= 1e-5
+    assert json.loads((out / "certificate.json").read_text())["errors"]["coefficients"]["max"] <= 1e-5
     assert "vec2 uv, out vec4 t0" in (out / "transfer.glsl").read_text()
     with_texels = artifacts(finished, "net")
     assert len(with_texels) == len(before["net"]) + 1

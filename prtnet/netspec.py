@@ -15,6 +15,7 @@ green and blue; each has its own residual.
 The file (docs/net-format.md) is safetensors with one JSON descriptor in its metadata.
 """
 
+import hashlib
 import json
 import math
 from collections.abc import Callable
@@ -227,8 +228,19 @@ def macs(net: NetSpec) -> int:
 
 def byte_count(net: NetSpec) -> int:
     """Bytes of the weights, biases, grids and texels, as stored."""
-    tables = (each.table for each in net.hashes)
-    return sum(array.nbytes for array in (*net.weights, *net.biases, *net.grids, *tables, *net.texels))
+    return sum(array.nbytes for array in _arrays(net))
+
+
+def checksum(net: NetSpec) -> str:
+    """SHA-256 of weights, biases, grids, tables and texels, little-endian, in this order."""
+    total = hashlib.sha256()
+    for array in _arrays(net):
+        total.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes())
+    return total.hexdigest()
+
+
+def _arrays(net: NetSpec) -> tuple[Array, ...]:
+    return (*net.weights, *net.biases, *net.grids, *(each.table for each in net.hashes), *net.texels)
 
 
 def save(net: NetSpec, path: Path | str) -> None:
@@ -244,13 +256,10 @@ def save(net: NetSpec, path: Path | str) -> None:
     tensors |= {f"grid.{i}": np.ascontiguousarray(grid) for i, grid in enumerate(net.grids)}
     tensors |= {f"hash.{i}": np.ascontiguousarray(each.table) for i, each in enumerate(net.hashes)}
     tensors |= {f"texels.{i}": np.ascontiguousarray(each) for i, each in enumerate(net.texels)}
-    if net.grids:
-        descriptor["grids"] = len(net.grids)
-    if net.texels:
-        descriptor["texels"] = len(net.texels)
+    descriptor |= {name: len(getattr(net, name)) for name in ("grids", "texels") if name in descriptor}
     if net.hashes:
         descriptor["hashes"] = [each.cells for each in net.hashes]
-    text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor})
+    text = json.dumps({"format": FORMAT, "layers": len(net.weights), **descriptor, "sha256": checksum(net)})
     with store.atomic(Path(path)) as temporary:
         temporary.write_bytes(to_bytes(tensors, metadata={METADATA_KEY: text}))
 
@@ -260,6 +269,8 @@ def load(path: Path | str) -> NetSpec:
     try:
         with safe_open(str(path), framework="numpy") as file:
             descriptor = _descriptor(file.metadata())
+            # files of earlier versions have none
+            written = descriptor.pop("sha256", None)
             layers = range(descriptor.pop("layers"))
             weights = tuple(file.get_tensor(f"layer.{i}.weight") for i in layers)
             biases = tuple(file.get_tensor(f"layer.{i}.bias") for i in layers)
@@ -267,7 +278,10 @@ def load(path: Path | str) -> NetSpec:
             texels = tuple(file.get_tensor(f"texels.{i}") for i in range(descriptor.pop("texels", 0)))
             cells = descriptor.pop("hashes", [])
             hashes = tuple(HashGrid(each, file.get_tensor(f"hash.{i}")) for i, each in enumerate(cells))
-        return NetSpec(weights=weights, biases=biases, grids=grids, hashes=hashes, texels=texels, **descriptor)
+        net = NetSpec(weights=weights, biases=biases, grids=grids, hashes=hashes, texels=texels, **descriptor)
+        if written not in (None, checksum(net)):
+            raise PrtnetError("found other weights than were written: their checksum differs")
+        return net
     except FileNotFoundError:
         raise PrtnetError(f"{path}: no such file, expected a trained net; train and export one first") from None
     except (SafetensorError, OSError, ValueError, TypeError, KeyError, PrtnetError) as error:

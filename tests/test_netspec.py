@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from safetensors import safe_open
 from safetensors.numpy import save_file
 from scipy.interpolate import RegularGridInterpolator
 
@@ -316,6 +317,22 @@ def test_other_files_are_refused_by_name(tmp_path):
     save_file({"a": np.zeros(3, np.float32)}, path, {"prtnet_net": json.dumps({"format": 1, "layers": 2})})
     with pytest.raises(PrtnetError, match=r"other\.safetensors"):
         netspec.load(path)
+
+
+def test_weights_that_were_edited_are_refused(tmp_path):
+    """Files from before there was a checksum are still read."""
+    path, net = tmp_path / "net.safetensors", random_net()
+    netspec.save(net, path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    with pytest.raises(PrtnetError, match=r"net\.safetensors: found other weights than were written"):
+        netspec.load(path)
+    with safe_open(path, framework="numpy") as file:
+        descriptor = json.loads(file.metadata()["prtnet_net"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    del descriptor["sha256"]
+    save_file(tensors, path, {"prtnet_net": json.dumps(descriptor)})
+    assert netspec.checksum(netspec.load(path)) != netspec.checksum(net)
 
 
 @pytest.mark.parametrize(

@@ -18,13 +18,10 @@
 It is written last: where it is, the files it names are whole.
 """
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from prtnet import PrtnetError, netspec, store
 from prtnet.export import form
@@ -43,17 +40,8 @@ def of_net(net: NetSpec) -> dict[str, Any]:
         "macs": netspec.macs(net),
         "padded_macs": form.padded_macs_of(sizes, net.groups),
         "bytes": netspec.byte_count(net),
-        "sha256": checksum(net),
+        "sha256": netspec.checksum(net),
     }
-
-
-def checksum(net: NetSpec) -> str:
-    """SHA-256 of weights, biases, grids, tables and texels, little-endian, in this order."""
-    total = hashlib.sha256()
-    tables = (each.table for each in net.hashes)
-    for array in (*net.weights, *net.biases, *net.grids, *tables, *net.texels):
-        total.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes())
-    return total.hexdigest()
 
 
 def refuse(errors: Mapping[str, Mapping[str, float]]) -> None:

@@ -47,7 +47,7 @@ def test_the_certificate_of_literals(base):
     assert found["executed"]
     assert found["device"]
     assert found["points"]["cube"] == 16_384
-    assert found["net"]["sha256"] == certificate.checksum(netspec.load(base / "net.safetensors"))
+    assert found["net"]["sha256"] == netspec.checksum(netspec.load(base / "net.safetensors"))
     names = {"coefficients", "diffuse shading", "glossy shading", "diffuse shading, light folded", "torch"}
     assert set(found["errors"]) == names
     for each in found["errors"].values():

@@ -20,7 +20,7 @@ from prtnet.netspec import NetSpec
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
 from prtnet.render import verify
-from prtnet.render.certify import Points
+from prtnet.render.certify import Points, error_of
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -73,8 +73,7 @@ def _error(net: NetSpec, files: Mapping[str, bytes], points: Points) -> dict[str
         buffer = np.frombuffer(files[cuda_file.PARAMETERS], "<f4").astype(np.float32)
         run = cuda_host.HostKernels(net, library, buffer)
         found = run.transfer(points.positions, points.normals, points.uv)
-    size = np.abs(found - points.evaluated(net))
-    return {"max": float(size.max()), "mean": float(size.mean())}
+    return error_of(found - points.evaluated(net))
 
 
 def _refuse(error: Mapping[str, float], compiler: str) -> None:

@@ -63,9 +63,9 @@ def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
     try:
         made, beyond = _made(trained.net, form_of(job.config))
         validated = bundle.validate(made)
-        measured = _measured(job, points, trained, made)
-        certificate.refuse(measured["errors"])
         count = _checked(made)
+        measured = _measured(job, points, trained, made, count)
+        certificate.refuse(measured["errors"])
         in_cuda = kernels(job, trained, count, lambda: _points(job, points, count))
     except PrtnetError:
         certificate.remove(job.out, (*_NAMES, NET, *_FORMER))
@@ -110,10 +110,9 @@ def _agreement(measured: Mapping[str, Any]) -> str:
     return f"{found['max']:.1e} (bound {found['bound']:g})"
 
 
-def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> dict[str, Any]:
-    """The shaders and torch run against the NumPy twin at test points of this scene and at random points of the whole
-    cube."""
-    count = _checked(made)
+def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle, count: int) -> dict[str, Any]:
+    """The shaders and torch run against the NumPy twin at `count` random points of the whole cube, and as many test
+    points of this scene."""
     texts = hashlib.sha256(b"".join(made.files[name] for name in sorted(made.files))).hexdigest()
     inputs = {"net": trained.key, "shaders": texts, "points": count}
 
@@ -121,7 +120,8 @@ def _measured(job: Job, points: NetPoints, trained: Trained, made: Bundle) -> di
         where = _points(job, points, count)
         facts = certify.errors_and_timing(made, trained.net, where)
         facts["points"] = {"cube": count, "scene": len(where.positions) - count}
-        facts["errors"]["torch"] = _torch_error(trained.net, where)
+        in_torch = Inference(trained.net)(where.positions, where.normals, where.uv)
+        facts["errors"]["torch"] = certify.error_of(in_torch - where.evaluated(trained.net))
         return {}, facts
 
     return dict(job.store.make("export", inputs, make).facts)
@@ -145,11 +145,6 @@ def _checked(made: Bundle) -> int:
         return CHECKED_POINTS
     macs = form.padded_macs_of(form.sizes_of(made.net), made.net.groups)
     return int(np.clip(CHECKED_POINTS * form.AUTO_LITERAL_MACS // (4 * macs), 1 << 10, 1 << 12))
-
-
-def _torch_error(net: NetSpec, points: certify.Points) -> dict[str, float]:
-    error = np.abs(Inference(net)(points.positions, points.normals, points.uv) - points.evaluated(net))
-    return {"max": float(error.max()), "mean": float(error.mean())}
 
 
 def _write_texture(job: Job, baked: BakedTexture) -> None:

@@ -14,7 +14,7 @@ from prtnet.export.lightmap import Lightmap, View
 from prtnet.export.texture_file import CONVENTION
 from prtnet.pipeline.bake import BakedTexture
 from prtnet.pipeline.job import Job
-from prtnet.render import camera
+from prtnet.pipeline.views import cameras_of
 from prtnet.render.material import irradiance
 
 log = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ def write_lightmap(job: Job, baked: BakedTexture) -> None:
     """Write lightmap.glb, .png and .exr into the run folder, where they are not those of this bake and light yet."""
     bands, _ = job.material.orders(job.config.transfer.bands)
     light = job.light.coefficients(bands)
-    first = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)[0]
+    first = cameras_of(job)[0]
     about = {
         "name": job.scene.name,
         "bands": job.config.transfer.bands,

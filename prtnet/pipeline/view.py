@@ -15,7 +15,8 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import makers
 from prtnet.pipeline.train import Trained
-from prtnet.render.camera import Camera, path
+from prtnet.pipeline.views import cameras_of
+from prtnet.render.camera import Camera
 from prtnet.render.material import Material
 from prtnet.render.method import Shaded
 from prtnet.render.raster import Raster
@@ -34,7 +35,7 @@ VARNISH = Material(0.5, (0.5, 0.5, 0.5), 20.0)
 def view(job: Job, baked: Baked, trained: Trained | None, exported: Exported) -> None:
     """A window, until it is closed; what its keys do stands in `prtnet.view.state.KEYS`. Screenshots go to the run's
     folder. Raises PrtnetError where no window can be opened."""
-    cameras = path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
+    cameras = cameras_of(job)
     lights = lights_of(job)
     state = state_of(job, cameras[0], lights)
     log.info("view: H shows the keys, Esc ends")

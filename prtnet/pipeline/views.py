@@ -34,11 +34,16 @@ class View:
     exact: Image | None = None  # without SH, where there is one
 
 
+def cameras_of(job: Job) -> list[Camera]:
+    """Of the scene's path, one for each view."""
+    return camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
+
+
 def views_of(
     job: Job, drawing: Raster, coefficients: Array, radiosity: Radiosity | None, *, most: int | None = None
 ) -> list[View]:
     """The cameras of the scene's path with their references; the first `most` of them."""
-    path = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
+    path = cameras_of(job)
     found = []
     for index, eye in enumerate(path[:most]):
         gbuffer = drawing.gbuffer(eye)

@@ -23,7 +23,7 @@ from prtnet.netspec import NetSpec
 from prtnet.pipeline.bake import Baked, BakedTexture, bake_texture
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
-from prtnet.render import camera
+from prtnet.pipeline.views import cameras_of
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
 from prtnet.render.material import Material
@@ -50,7 +50,7 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     if trained is None:
         raise PrtnetError(f"web page: found methods {job.config.methods}, expected net among them")
     texture = _texture(job, baked.texture, side)
-    eye = camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)[0]
+    eye = cameras_of(job)[0]
     look = _look(eye, job.material)
     arguments: dict[str, Any] = {
         "lights": _lights(job, baked.texture.atlas, trained.net, eye, look),

@@ -43,15 +43,15 @@ def errors_and_timing(made: Bundle, exact: NetSpec, points: Points) -> dict[str,
     twin = points.evaluated(made.net)
     errors: dict[str, Any] = {}
     if made.form.precision != "float32" or (made.form.storage == "literal" and made.form.digits < 9):
-        errors["rounding of the weights"] = _error(points.evaluated(exact) - twin)
+        errors["rounding of the weights"] = error_of(points.evaluated(exact) - twin)
     if made.form.storage == "ubo":
         return {"executed": False, "reason": uniform_block.NOT_RUN, "errors": errors}
     textures = verify.textures(made.net, points.positions, points.normals, made.weights, points.uv)
     passes = verify.passes(made.net, made.transfer, textures)
     found = verify.coefficients(made.net, passes, len(twin))
-    errors["coefficients"] = _error(found - twin) | {"bound": verify.TOLERANCE}
+    errors["coefficients"] = error_of(found - twin) | {"bound": verify.TOLERANCE}
     for what, difference, reach in _shading(made, points, twin, passes, textures):
-        errors[what] = _error(difference) | {"bound": verify.TOLERANCE * max(1.0, float(reach.max()))}
+        errors[what] = error_of(difference) | {"bound": verify.TOLERANCE * max(1.0, float(reach.max()))}
     # one frame tells how dear the others are
     first = sum(each.milliseconds(1) for each in passes)
     frame = first if first > 1000 * SLOW else sum(each.milliseconds(FRAMES) for each in passes)
@@ -116,6 +116,7 @@ def _gloss(net: NetSpec, points: Points, twin: Array, known: Array) -> tuple[Flo
     return shone, reach
 
 
-def _error(difference: Float[Array, "..."]) -> dict[str, float]:
+def error_of(difference: Float[Array, "..."]) -> dict[str, float]:
+    """The largest and the mean absolute difference."""
     size = np.abs(difference)
     return {"max": float(size.max()), "mean": float(size.mean())}

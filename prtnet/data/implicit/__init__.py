@@ -1,0 +1,1 @@
+"""Implicit surfaces: where a distance is zero. One description gives NumPy, compiled kernels, torch and GLSL."""

@@ -12,7 +12,7 @@ from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
 STAGES = ("bake", "size", "train", "export", "score", "view")
-METHODS = ("texture", "vertex", "net", "lit_texture")
+METHODS = ("texture", "vertex", "net", "lit_texture", "unshadowed")
 
 
 @dataclass
@@ -25,6 +25,13 @@ class SceneOptions:
     without: list[str] = field(default_factory=list)  # files: names of parts to leave out, a sea around an island, say
     normal_maps: Any = None  # files: {part: image} of tangent-space normals, where the file has none or others
     camera: str = "auto"  # orbit, inside, or auto = the scene's own word, else by rays from its middle
+
+
+@dataclass
+class SdfOptions:
+    """Of implicit surfaces, which have no triangles: the scenes sdf_..., and .py or .yaml files as scene.path."""
+
+    resolution: int = 256  # cells along the longest side of the mesh that points are drawn from and rays are traced by
 
 
 @dataclass
@@ -59,7 +66,9 @@ class TransferOptions:
     kind: str = "cosine_fibonacci"  # or uniform, stratified, random
     transport: str = "shadowed"  # unshadowed = the cosine lobe of the normal; interreflected = and bounces
     bounces: int = 1  # diffuse ones, where transport=interreflected
-    tracer: str = "auto"  # fused, embreex, or auto = fused where it can be had, said in the log
+    # fused, embreex, or auto = fused where it can be had, said in the log; on implicit surfaces these trace a fine mesh
+    # for what is learned from, and marched, slower, traces the surface itself, as references always do
+    tracer: str = "auto"
 
 
 @dataclass
@@ -139,6 +148,7 @@ class SizeOptions:
 @dataclass
 class Config:
     scene: SceneOptions = field(default_factory=SceneOptions)
+    sdf: SdfOptions = field(default_factory=SdfOptions)
     light: LightOptions = field(default_factory=LightOptions)
     material: MaterialOptions = field(default_factory=MaterialOptions)
     transfer: TransferOptions = field(default_factory=TransferOptions)
@@ -153,7 +163,9 @@ class Config:
     # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named;
     # view, a window, needs what export does
     stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage not in ("size", "view")])
-    methods: list[str] = field(default_factory=lambda: ["texture", "vertex", "net"])  # or lit_texture, with bounces
+    # texture, vertex, net, unshadowed (the lobe of the normal alone), lit_texture (with bounces); none named: the first
+    # three, and on implicit surfaces, which have no atlas and no vertices, unshadowed and net
+    methods: list[str] = field(default_factory=list)
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one

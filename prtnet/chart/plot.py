@@ -21,7 +21,7 @@ from prtnet.score import Row
 
 COLOURS = ("#0b6fb8", "#c8501e", "#2a8a5b", "#8e4fa8", "#b08a00", "#c0397a", "#4c5f73", "#5b9bd5")
 INK, FAINT, GRID = "#22262d", "#6a7280", "#e4e7ec"
-PANELS = (("macs", "multiply-adds per pixel"), ("ms_ratio", "time of a frame, over that of texture"))
+PANELS = (("macs", "multiply-adds per pixel"), ("ms_ratio", "time of a frame, over the baseline's"))
 SWEEP_PANELS = (PANELS[0], ("bytes", "bytes"), PANELS[1])
 FAR = 1.0  # what lies this many times the range of the swept points above or below them is no part of the axes
 

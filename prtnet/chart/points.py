@@ -19,7 +19,7 @@ def side_by_side(rows: Iterable[Row]) -> dict[Row, Spread | None]:
     """Rows for a table or a chart. `point` is what the point varies inside its group (scene, material, light), and None
     where it varies nothing. Points that differ in the seed of training alone are one row, with its spread. Rows that
     several points share, a baseline say, are listed once. Milliseconds are left out: points ran at different times, and
-    only the ratio to the texture of the same run means something."""
+    only the ratio to the baseline of the same run means something."""
     groups: dict[tables.Group, list[Row]] = {}
     for row in rows:
         groups.setdefault(tables.group_of(row), []).append(row)

@@ -218,7 +218,8 @@ def _headlines(rows: Sequence[Row]) -> list[tuple[str, str]]:
         share = f"1/{texture.bytes / net.bytes:.0f} of the texture's {tables.size(texture.bytes)}"
         tiles.append((tables.size(net.bytes), f"size of {tables.method_name(net)}, {share}"))
     if net and net.ms_ratio:
-        tiles.append((tables.ratio(net.ms_ratio), f"time of {tables.method_name(net)}, over the texture's"))
+        over = "the texture's" if texture else "what has no shadows"
+        tiles.append((tables.ratio(net.ms_ratio), f"time of {tables.method_name(net)}, over {over}"))
     return tiles
 
 

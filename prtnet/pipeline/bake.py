@@ -11,9 +11,12 @@ from jaxtyping import Float, Float32
 from prtnet import PrtnetError, sh
 from prtnet.data import mipmap, samples, texture, vertex
 from prtnet.data.atlas import Atlas
+from prtnet.data.implicit import project
+from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.data.texture import Page, Texels
+from prtnet.data.tracer import Tracer
 from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, incident, received, texels_and_radiosity, traced
@@ -74,45 +77,72 @@ class NetPoints:
 class Baked:
     """The baseline, and what the other methods of the job need."""
 
-    texture: BakedTexture
+    texture: BakedTexture | None  # where the scene has an atlas
     lit: BakedTexture | None  # beside the transfer, light from other surfaces under the job's light
     mesh: BakedMesh | None
     points: NetPoints | None
 
+    @property
+    def radiosity(self) -> Radiosity | None:
+        """Where there are bounces."""
+        return self.texture.radiosity if self.texture else None
+
 
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
-    baked = bake_texture(job)
+    baked = None if job.implicit else bake_texture(job)
     points = _net_points(job, baked) if "net" in job.config.methods else None
-    lit = _lit(job, baked) if "lit_texture" in job.config.methods else None
-    return Baked(baked, lit, _mesh(job, baked.radiosity) if "vertex" in job.config.methods else None, points)
+    lit = _lit(job, baked) if baked and "lit_texture" in job.config.methods else None
+    mesh = _mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
+    return Baked(baked, lit, mesh, points)
 
 
-def _net_points(job: Job, baked: BakedTexture) -> NetPoints:
+def _net_points(job: Job, baked: BakedTexture | None) -> NetPoints:
     options, rays = job.config.samples, job.config.transfer.directions
 
     def uniform(purpose: str, count: int) -> Samples:
-        return samples.area_uniform(job.scene, count, job.rng(purpose), sequence=options.sequence)
+        return _on_surface(job, samples.area_uniform(job.scene, count, job.rng(purpose), sequence=options.sequence))
 
-    vertices = samples.at_vertices(job.scene)
+    vertices = _on_surface(job, samples.at_vertices(job.scene))
     few = job.rng("vertices").permutation(len(vertices.face))[: options.test_count]
     tested = {"areas": uniform("areas", options.test_count), "vertices": samples.select(vertices, np.sort(few))}
     return NetPoints(
         _point_set(
-            job, "training", uniform("training", options.count), options.count, options.directions or rays, baked
+            job,
+            "training",
+            uniform("training", options.count),
+            options.count,
+            options.directions or rays,
+            baked,
+            job.training_tracer,
         ),
         *(
-            _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked)
+            _point_set(
+                job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked, job.reference_tracer
+            )
             for purpose, points in tested.items()
         ),
     )
 
 
-def _point_set(job: Job, purpose: str, points: Samples, count: int, directions: int, baked: BakedTexture) -> PointSet:
+def _on_surface(job: Job, points: Samples) -> Samples:
+    """Points of triangles, or of the surface that these are a mesh of."""
+    return project.projected(job.implicit.field, points) if job.implicit else points
+
+
+def _point_set(
+    job: Job,
+    purpose: str,
+    points: Samples,
+    count: int,
+    directions: int,
+    baked: BakedTexture | None,
+    tracer: Tracer | MarchTracer,
+) -> PointSet:
     """Points with transfer, less those that no light reaches and nobody sees."""
     inputs = job.scene_key | {"purpose": purpose, "count": count, "seed": job.config.seed}
     inputs["sequence"] = job.config.samples.sequence
-    found = received(job, purpose, inputs, points, directions, baked.radiosity)
+    found = received(job, purpose, inputs, points, directions, baked.radiosity if baked else None, tracer)
     free = ~_enclosed(job, points, found.transfer)
     enclosed = int(np.sum(~free))
     if enclosed == len(free):
@@ -126,7 +156,7 @@ def _point_set(job: Job, purpose: str, points: Samples, count: int, directions: 
         found.transfer[free],
         job.groups,
         {"seconds": found.seconds, "enclosed": enclosed, "points": len(free)},
-        atlas_uv(baked.atlas, points)[free] if job.config.train.texel_size else None,
+        atlas_uv(baked.atlas, points)[free] if baked and job.config.train.texel_size else None,
     )
 
 

@@ -49,10 +49,11 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
     Raises PrtnetError, and leaves nothing of the net behind, when an error is above its bound.
     """
     exported = _net(job, baked.points, trained) if trained and baked.points else Exported(None, {})
-    _write_texture(job, baked.texture)
+    if baked.texture:
+        _write_texture(job, baked.texture)
     if baked.mesh:
         _write_vertices(job, baked.mesh)
-    if job.config.export.lightmap:
+    if baked.texture and job.config.export.lightmap:
         write_lightmap(job, baked.texture)
     if job.config.export.web:
         write_page(job, baked, trained, side=job.config.export.web_texture)

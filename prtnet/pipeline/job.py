@@ -11,14 +11,17 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from prtnet import PrtnetError, score, sh
-from prtnet.config import METHODS, STAGES, Config, LightOptions
-from prtnet.data import atlas, atlas_set, builtin, directions, light, normal_map, quantise, scene, transfer, vertex
+from prtnet.config import STAGES, Config, LightOptions
+from prtnet.data import atlas, atlas_set, directions, light, quantise, transfer, vertex
+from prtnet.data.implicit import mesh
+from prtnet.data.implicit.march import MarchTracer
+from prtnet.data.implicit.surface import Implicit
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
-from prtnet.pipeline import candidates, drawn_by
+from prtnet.pipeline import candidates, drawn_by, scenes
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
@@ -42,15 +45,42 @@ class Job:
     frame: Frame
     light: Light
     command: str  # that makes this run again
+    implicit: Implicit | None = None  # of which `scene` is a mesh, where it is one
 
     @cached_property
     def scene_key(self) -> dict[str, Any]:
         """What every artifact of this scene depends on."""
-        return {"version": VERSION, "scene": self.scene.digest()}
+        own = {"field": self.implicit.field.digest()} if self.implicit else {}
+        return {"version": VERSION, "scene": self.scene.digest()} | own
 
     @cached_property
     def tracer(self) -> Tracer:
-        return Tracer(self.scene, kind=self.config.transfer.tracer)
+        """Rays against the triangles."""
+        kind, cells = self.config.transfer.tracer, self.config.sdf.resolution
+        if not self.implicit:
+            return Tracer(self.scene, kind=kind)
+        return mesh.tracer_of(self.scene, cells, kind="auto" if kind == scenes.MARCHED else kind)
+
+    @cached_property
+    def marched(self) -> MarchTracer:
+        """Rays against the field of an implicit surface."""
+        assert self.implicit
+        return MarchTracer(self.implicit.field)
+
+    @property
+    def reference_tracer(self) -> Tracer | MarchTracer:
+        """Of what others are held against: the surface itself."""
+        return self.marched if self.implicit else self.tracer
+
+    @property
+    def training_tracer(self) -> Tracer | MarchTracer:
+        """Of what is learned from."""
+        return self.marched if self.config.transfer.tracer == scenes.MARCHED else self.tracer
+
+    @property
+    def baseline(self) -> str:
+        """The method that others are timed against."""
+        return scenes.baseline(self.config.scene)
 
     @property
     def material(self) -> Material:
@@ -87,39 +117,20 @@ class Job:
 
 def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
+    config = scenes.with_methods(config)
     _check(config)
     chosen = _light(config.light)
     _display(config).check(chosen)
-    loaded = _load(config)
-    vertex.check(loaded, config.vertex.subdivide, config.vertex.level)
-    reflectance.check(_material(config), loaded)
-    base = Path(config.out or f"runs/{loaded.name}")
+    loaded = scenes.load(config)
+    vertex.check(loaded.scene, config.vertex.subdivide, config.vertex.level)
+    reflectance.check(_material(config), loaded.scene)
+    found = loaded.scene
+    base = Path(config.out or f"runs/{found.name}")
     out = base / sweep_point if sweep_point else base
     store = Store(Path(config.cache) if config.cache else base / "cache")
-    log.info("%s: %d triangles in %d parts -> %s", loaded.name, len(loaded.faces), len(loaded.materials), out)
+    log.info("%s: %d triangles in %d parts -> %s", found.name, len(found.faces), len(found.materials), out)
     write_text(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))
-    return Job(config, out, store, loaded.centred(), loaded.frame, chosen, command)
-
-
-def _load(config: Config) -> Scene:
-    options, maps = config.scene, _normal_maps(config)
-    if options.path:
-        images = {part: normal_map.read(Path(file)) for part, file in maps.items()}
-        path = Path(options.path)
-        return scene.load(path, two_sided=options.two_sided, without=options.without, normal_maps=images)
-    for part, file in maps.items():
-        raise PrtnetError(
-            f"scene.normal_maps: {file} for part {part}: found the built-in scene {options.name}, whose parts have no "
-            "texture coordinates; expected a file as scene.path"
-        )
-    return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
-
-
-def _normal_maps(config: Config) -> dict[str, str]:
-    found = config.scene.normal_maps or {}
-    if not (isinstance(found, dict) and all(isinstance(file, str) for file in found.values())):
-        raise PrtnetError(f"scene.normal_maps: found {found!r}, expected {{part: image, ...}}")
-    return {str(part): file for part, file in found.items()}
+    return Job(config, out, store, found, loaded.frame, chosen, command, loaded.implicit)
 
 
 def _material(config: Config) -> Material:
@@ -213,8 +224,6 @@ def _check(config: Config) -> None:
         found = values[group][name]
         if found is not None and found < minimum:
             raise PrtnetError(f"{key}: found {found}, expected at least {minimum}")
-    if "texture" not in config.methods or not set(config.methods) <= set(METHODS):
-        raise PrtnetError(f"methods: found {config.methods}, expected texture and some of {', '.join(METHODS[1:])}")
     if "lit_texture" in config.methods and config.transfer.transport != "interreflected":
         raise PrtnetError(
             "methods: found lit_texture, which keeps light between surfaces, expected transfer.transport=interreflected"

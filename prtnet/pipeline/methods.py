@@ -14,8 +14,9 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
 from prtnet.render.deferred import DeferredMethod
 from prtnet.render.lit import LitTextureMethod
+from prtnet.render.marched import Drawing
 from prtnet.render.method import NetMethod, Shaded, TextureMethod
-from prtnet.render.raster import Raster
+from prtnet.render.unshadowed import UnshadowedMethod
 from prtnet.render.vertex import VertexMethod
 
 # covered pixels of a frame -> macs, bytes, bake_seconds, train_seconds
@@ -28,16 +29,20 @@ class Drawn:
     costs: Costs
 
 
-def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster) -> dict[str, Drawn]:
-    """By name, the texture first."""
+def make_all(job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Drawing) -> dict[str, Drawn]:
+    """By name, the baseline first."""
     return {name: make() for name, make in makers(job, baked, trained, exported, drawing).items()}
 
 
 def makers(
-    job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Raster
+    job: Job, baked: Baked, trained: Trained | None, exported: Exported, drawing: Drawing
 ) -> dict[str, Callable[[], Drawn]]:
     """What makes each of `make_all` when it is called."""
-    found = {"texture": lambda: _texture(job, baked, drawing)}
+    found: dict[str, Callable[[], Drawn]] = {}
+    if texture := baked.texture:
+        found["texture"] = lambda: _texture(job, texture, drawing)
+    if "unshadowed" in job.config.methods:
+        found["unshadowed"] = lambda: _unshadowed(job, drawing)
     if mesh := baked.mesh:
         found["vertex"] = lambda: _vertex(job, mesh)
     if lit := baked.lit:
@@ -47,13 +52,19 @@ def makers(
     return found
 
 
-def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
+def _unshadowed(job: Job, drawing: Drawing) -> Drawn:
+    shaded = UnshadowedMethod(drawing, job.config.transfer.bands, material=job.material)
+    costs = {"macs": shaded.macs + job.shading_macs, "bytes": 0, "bake_seconds": 0.0, "train_seconds": None}
+    return Drawn(shaded, lambda pixels: costs)
+
+
+def _texture(job: Job, baked: BakedTexture, drawing: Drawing) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     # with bounces a diffuse material needs no direct transfer
     fetched = 3 if job.groups == 4 and not job.material.glossy else job.groups
     shaded = TextureMethod(
         drawing,
-        baked.texture.pages,
+        baked.pages,
         texels=options.format,
         level_of_detail=options.level_of_detail,
         material=job.material,
@@ -61,7 +72,7 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
     )
     decoding = fetched * count if options.format == "uint8" else 0
     texel_bytes = quantise.FORMATS[options.format]
-    pages = baked.texture.pages
+    pages = baked.pages
     filtering = "trilinear" if len(pages[0].levels) > 1 else "bilinear"
     costs = {
         "macs": score.fetch_macs(fetched * count, filtering) + decoding + job.shading_macs,
@@ -70,13 +81,13 @@ def _texture(job: Job, baked: Baked, drawing: Raster) -> Drawn:
             score.texture_bytes(len(page.used), count, texel_bytes=texel_bytes, levels=len(page.levels))
             for page in pages
         ),
-        "bake_seconds": baked.texture.facts["seconds"],
+        "bake_seconds": baked.facts["seconds"],
         "train_seconds": None,
     }
     return Drawn(shaded, lambda pixels: costs)
 
 
-def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
+def _lit_texture(job: Job, baked: BakedTexture, drawing: Drawing) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     shaded = LitTextureMethod(
         drawing,
@@ -116,7 +127,7 @@ def _vertex(job: Job, baked: BakedMesh) -> Drawn:
     return Drawn(VertexMethod(baked.mesh, baked.transfer, size, material=job.material, groups=job.groups), costs)
 
 
-def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, by: str, drawing: Raster) -> Drawn:
+def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, by: str, drawing: Drawing) -> Drawn:
     costs = {
         "macs": netspec.macs(trained.net) + job.shading_macs,
         "bytes": netspec.byte_count(trained.net),

@@ -16,10 +16,9 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import make_all
 from prtnet.pipeline.score import Scored
 from prtnet.pipeline.train import Trained
-from prtnet.pipeline.views import traced_view, views_of
+from prtnet.pipeline.views import drawing_of, traced_view, views_of
 from prtnet.render import display
 from prtnet.render.display import Display
-from prtnet.render.raster import Raster
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -49,8 +48,8 @@ def _frames(job: Job, baked: Baked, trained: Trained | None, exported: Exported)
     """The first view of the references and of every method, linear RGB, the light mirrored in it where it shall be."""
     bands_light, _ = job.material.orders(job.config.transfer.bands)
     coefficients = job.light.coefficients(bands_light)
-    drawing = Raster(baked.texture.atlas, job.config.render.size)
-    first = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity, most=1))[0]
+    drawing = drawing_of(job, baked)
+    first = add_exact(job, views_of(job, drawing, coefficients, baked.radiosity, most=1))[0]
     frames = {"traced": first.reference} | ({} if first.exact is None else {"exact": first.exact})
     for name, method in make_all(job, baked, trained, exported, drawing).items():
         frames[name] = method.shaded.draw(first.camera, coefficients)

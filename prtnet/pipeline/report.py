@@ -9,7 +9,7 @@ from prtnet import netspec, score, sh, store
 from prtnet.chart import lobes, plot, sheet, tables
 from prtnet.chart import report as pages
 from prtnet.pipeline import drawn_by
-from prtnet.pipeline.bake import Baked, NetPoints
+from prtnet.pipeline.bake import Baked, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import Scored
@@ -116,10 +116,9 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         facts |= _net_facts(baked.points, trained, exported)
     if baked.mesh:
         facts["vertices"] = f"{len(baked.mesh.mesh.vertices)} ({_cuts(job)})"
+    if baked.texture:
+        facts |= _texture_facts(job, baked.texture)
     return facts | {
-        "texture texels in use": baked.texture.facts["texels"],
-        "texture coordinates": baked.texture.facts["uv"],
-        "texture": _texture(job, baked),
         "light": job.light_name,
         "material": job.material.words(),
         "exposure": scored.facts["exposure"],
@@ -152,9 +151,17 @@ def _cuts(job: Job) -> str:
     return f"{', '.join(options.subdivide)} cut {options.level} times" if cut else "as the scene has them"
 
 
-def _texture(job: Job, baked: Baked) -> str:
-    options, sides = job.config.atlas, baked.texture.atlas.sides
+def _texture_facts(job: Job, baked: BakedTexture) -> dict[str, Any]:
+    return {
+        "texture texels in use": baked.facts["texels"],
+        "texture coordinates": baked.facts["uv"],
+        "texture": _texture(job, baked),
+    }
+
+
+def _texture(job: Job, baked: BakedTexture) -> str:
+    options, sides = job.config.atlas, baked.atlas.sides
     words = f"{options.size}^2" if sides is None else f"{len(sides)} of {min(sides)}^2 to {max(sides)}^2, one per part"
-    count = len(baked.texture.pages[0].levels)
+    count = len(baked.pages[0].levels)
     levels = f", {count} mip levels by {options.level_of_detail}" if count > 1 else ""
     return f"{words}, {options.format}{levels}, dilated by {options.dilation}"

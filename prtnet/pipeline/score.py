@@ -17,9 +17,8 @@ from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import Radiosity
-from prtnet.pipeline.views import View, reference_of, row_of, views_of
+from prtnet.pipeline.views import View, drawing_of, reference_of, row_of, views_of
 from prtnet.render.camera import Camera
-from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
 
 log = logging.getLogger(__name__)
@@ -48,7 +47,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
     shown = exported.drawn_by == drawn_by.SHADER
     inputs = job.scene_key | {
         "methods": job.config.methods,
-        "texture": baked.texture.key,
+        **({"texture": baked.texture.key} if baked.texture else {}),
         **({"lit": baked.lit.key} if baked.lit else {}),
         "atlas": asdict(job.config.atlas),
         "vertex": baked.mesh and baked.mesh.key,
@@ -63,10 +62,10 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
-        drawing = Raster(baked.texture.atlas, job.config.render.size)
-        views = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity))
+        drawing = drawing_of(job, baked)
+        views = add_exact(job, views_of(job, drawing, coefficients, baked.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
-        return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity)
+        return _draw_and_score(job, methods, views, coefficients, baked.radiosity)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]
@@ -91,8 +90,8 @@ def _draw_and_score(
     exposure = score.exposure(frames["traced"], covered)
     times = _times(methods, views[0].camera, coefficients)
     pixels = float(np.mean([mask.sum() for mask in covered]))
-    pairs = [(name, "traced") for name in methods] + ([("net", "texture")] if "net" in methods else [])
-    spent = {name: {"ms": each, "ms_ratio": each / times["texture"]} for name, each in times.items()}
+    pairs = [(name, "traced") for name in methods] + ([("net", "texture")] if {"net", "texture"} <= set(methods) else [])
+    spent = {name: {"ms": each, "ms_ratio": each / times[job.baseline]} for name, each in times.items()}
     share = {"covered": float(np.mean([mask.mean() for mask in covered]))}
     costs = {name: method.costs(pixels) | spent[name] | _mesh(method) | share for name, method in methods.items()}
     rows = []

@@ -15,9 +15,11 @@ from jaxtyping import Float, Float32
 from prtnet import console, sh
 from prtnet.data import samples, surface, transfer
 from prtnet.data.atlas import Atlas
+from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import Samples
 from prtnet.data.surface import Surface
 from prtnet.data.texture import Texels
+from prtnet.data.tracer import Tracer
 from prtnet.pipeline.job import Job
 from prtnet.store import Artifact
 
@@ -57,8 +59,9 @@ def traced(
     title: str | None = None,
     salt: int = 0,
     announce: int = 1,
+    tracer: Tracer | MarchTracer | None = None,
 ) -> Artifact:
-    """The direct transfer of points as an artifact {"transfer": "n k"}.
+    """The direct transfer of points as an artifact {"transfer": "n k"}, by the rays of `tracer`, or the job's.
 
     `inputs` must tell the points and the `salt` of their rays' rotations; what the transfer depends on besides is
     added here. The estimate that is printed is for `announce` such bakes, 0 for none.
@@ -69,18 +72,24 @@ def traced(
     def gather(*args: Any, **options: Any) -> Array:
         return transfer.bake(*args, bands=bands, **options)
 
-    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, announce)
+    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, announce, tracer)
 
 
 def received(
-    job: Job, stage: str, inputs: Mapping[str, Any], points: Samples, directions: int, radiosity: Radiosity | None
+    job: Job,
+    stage: str,
+    inputs: Mapping[str, Any],
+    points: Samples,
+    directions: int,
+    radiosity: Radiosity | None,
+    tracer: Tracer | MarchTracer | None = None,
 ) -> Received:
     """The transfer of points in the job's transport; `radiosity` where there are bounces. `inputs` as for `traced`."""
     bands = job.config.transfer.bands
     if job.config.transfer.transport == "unshadowed":
         key = job.store.path(stage, dict(inputs) | {"bands": bands, "transport": "unshadowed"}).stem
         return Received(key, sh.cosine_lobe(points.normals, bands), 0.0)
-    direct = traced(job, stage, inputs, points, directions)
+    direct = traced(job, stage, inputs, points, directions, tracer=tracer)
     found = Received(direct.key, direct.arrays["transfer"], direct.facts["seconds"])
     if radiosity is None:
         return found
@@ -174,20 +183,24 @@ def _in_shards(
     title: str,
     salt: int,
     announce: int,
+    tracer: Tracer | MarchTracer | None = None,
 ) -> Artifact:
     """An artifact of what `gather` finds at the points: a killed bake goes on where it was."""
     inputs = dict(inputs) | {"directions": directions, "kind": job.config.transfer.kind}
+    tracer = tracer or job.tracer
+    if job.implicit:
+        inputs["tracer"] = tracer.kind
 
     def bake() -> Artifact:
         count = len(points.positions)
         if announce * count * directions > SHARD_RAYS // 4:
-            _estimate(job, title, points, directions, announce)
+            _estimate(job, title, points, directions, announce, tracer)
         with console.progress(title, count, "points") as reach:
 
             def make(shard: int, items: slice) -> dict[str, Array]:
                 part = samples.select(points, np.arange(items.start, items.stop))
                 values = gather(
-                    job.tracer,
+                    tracer,
                     part.positions,
                     part.normals,
                     directions=directions,
@@ -211,11 +224,13 @@ def _in_shards(
     return job.store.once(stage, inputs, bake)
 
 
-def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
+def _estimate(
+    job: Job, title: str, points: Samples, directions: int, times: int, tracer: Tracer | MarchTracer
+) -> None:
     threads = job.config.threads or transfer.cores()
-    rate = threads * job.tracer.measure(points.positions, points.normals)
+    rate = threads * tracer.measure(points.positions, points.normals)
     count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
     title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
-    title += f" at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
+    title += f" at {rate / 1e6:.1f} Mray/s with the {tracer.kind} tracer"
     seconds = times * count * directions / rate
     console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)

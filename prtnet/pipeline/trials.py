@@ -14,9 +14,8 @@ from prtnet.pipeline.candidates import configured
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import noise_floor
 from prtnet.pipeline.train import Trained, planned, train
-from prtnet.pipeline.views import View, views_of
+from prtnet.pipeline.views import View, drawing_of, views_of
 from prtnet.render import gbuffer as gbuffers
-from prtnet.render.raster import Raster
 from prtnet.size import Candidate, Trial
 
 log = logging.getLogger(__name__)
@@ -82,14 +81,14 @@ class Trials:
     @cached_property
     def _seen(self) -> Seen:
         job = self._job
-        drawing = Raster(self._baked.texture.atlas, job.config.render.size)
-        views = views_of(job, drawing, self._light, self._baked.texture.radiosity)
+        drawing = drawing_of(job, self._baked)
+        views = views_of(job, drawing, self._light, self._baked.radiosity)
         exposure = score.exposure([view.reference for view in views], [view.covered for view in views])
         return Seen(views, exposure, [score.tone_map(view.reference, exposure) for view in views])
 
     def _floor(self) -> float:
         seen = self._seen
-        row = noise_floor(self._job, seen.views[0], self._light, self._baked.texture.radiosity, seen.exposure)
+        row = noise_floor(self._job, seen.views[0], self._light, self._baked.radiosity, seen.exposure)
         assert row.psnr is not None
         return row.psnr
 
@@ -98,7 +97,7 @@ class Trials:
         """What a net's PSNR depends on besides the net."""
         job = self._job
         return job.scene_key | {
-            "texture": self._baked.texture.key,
+            **({"texture": self._baked.texture.key} if self._baked.texture else {}),
             "light": self._light.tolist(),
             "material": asdict(job.material),
             "render": {name: getattr(job.config.render, name) for name in ("size", "views", "traced_directions")},

@@ -15,11 +15,10 @@ from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import makers
 from prtnet.pipeline.train import Trained
-from prtnet.pipeline.views import cameras_of
+from prtnet.pipeline.views import cameras_of, drawing_of
 from prtnet.render.camera import Camera
 from prtnet.render.material import Material
 from prtnet.render.method import Shaded
-from prtnet.render.raster import Raster
 from prtnet.view import window
 from prtnet.view.picture import Show
 from prtnet.view.state import Orbit, State
@@ -27,6 +26,7 @@ from prtnet.view.state import Orbit, State
 log = logging.getLogger(__name__)
 
 LIGHTS = ("sky", "constant", "gradient", "sun", "directional", "green")
+SHOWN = ("texture", "unshadowed", "vertex", "net")
 METERED = 2  # views by which the exposure is chosen
 # of a run whose own material has no gloss; as configs/material/glossy.yaml
 VARNISH = Material(0.5, (0.5, 0.5, 0.5), 20.0)
@@ -55,7 +55,7 @@ def lights_of(job: Job) -> dict[str, Light]:
 
 def state_of(job: Job, first: Camera, lights: Mapping[str, Light]) -> State:
     """The first view of the job's path in its material and light, by its net where it has one."""
-    methods = [name for name in ("texture", "vertex", "net") if name in job.config.methods]
+    methods = [name for name in SHOWN if name in job.config.methods]
     return State(
         Orbit.of(first),
         methods,
@@ -75,7 +75,7 @@ def show_of(
     lights: Mapping[str, Light],
 ) -> Show:
     """The scene with everything that the window may be asked for, on the graphics card of the context at hand."""
-    drawing = Raster(baked.texture.atlas, job.config.render.size)
+    drawing = drawing_of(job, baked)
 
     def make(name: str, material: Material) -> Shaded:
         return makers(_with_material(job, material), baked, trained, exported, drawing)[name]().shaded

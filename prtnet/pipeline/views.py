@@ -9,12 +9,14 @@ from jaxtyping import Bool, Float
 
 from prtnet import score
 from prtnet.data.samples import Samples
+from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, incident, traced
 from prtnet.render import camera
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer
+from prtnet.render.marched import Drawing, Marched
 from prtnet.render.raster import Raster
 
 Array = np.ndarray
@@ -39,8 +41,17 @@ def cameras_of(job: Job) -> list[Camera]:
     return camera.path(job.scene, job.tracer, job.config.render.views, kind=job.config.scene.camera)
 
 
+def drawing_of(job: Job, baked: Baked, size: int | None = None) -> Drawing:
+    """What the job's methods are drawn by: triangles, or rays through an implicit surface."""
+    size = size or job.config.render.size
+    if baked.texture:
+        return Raster(baked.texture.atlas, size)
+    assert job.implicit
+    return Marched(job.implicit, size)
+
+
 def views_of(
-    job: Job, drawing: Raster, coefficients: Array, radiosity: Radiosity | None, *, most: int | None = None
+    job: Job, drawing: Drawing, coefficients: Array, radiosity: Radiosity | None, *, most: int | None = None
 ) -> list[View]:
     """The cameras of the scene's path with their references; the first `most` of them."""
     path = cameras_of(job)
@@ -87,7 +98,10 @@ def traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, *, announce
     """The direct transfer of each covered pixel, "n k"; `repeat` as in `reference_of`."""
     inputs, points = _at(job, eye, gbuffer, repeat)
     directions = job.config.render.traced_directions
-    baked = traced(job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce)
+    rays = job.reference_tracer
+    baked = traced(
+        job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce, tracer=rays
+    )
     return baked.arrays["transfer"]
 
 

@@ -49,6 +49,8 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     path.unlink(missing_ok=True)
     if trained is None:
         raise PrtnetError(f"web page: found methods {job.config.methods}, expected net among them")
+    if baked.texture is None:
+        raise PrtnetError("web page: found an implicit surface, which has no texture, expected triangles")
     texture = _texture(job, baked.texture, side)
     eye = cameras_of(job)[0]
     look = _look(eye, job.material)

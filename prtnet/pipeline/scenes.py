@@ -1,0 +1,113 @@
+"""The scene of a job: triangles, and the surface that they follow where it is an implicit one."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from prtnet import PrtnetError
+from prtnet.config import METHODS, Config, SceneOptions
+from prtnet.data import builtin, normal_map, scene
+from prtnet.data.implicit import builtin as shapes
+from prtnet.data.implicit import check, file, mesh
+from prtnet.data.implicit.surface import Described, Implicit
+from prtnet.data.scene import IDENTITY, Frame, Scene
+
+log = logging.getLogger(__name__)
+
+MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "net")
+# of them, what milliseconds are told relative to
+MESH_BASELINE, IMPLICIT_BASELINE = "texture", "unshadowed"
+# of transfer.tracer: the surface itself
+MARCHED = "marched"
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """`scene` has unit coordinates; `frame` leads from the file's to them."""
+
+    scene: Scene
+    frame: Frame
+    implicit: Implicit | None = None
+
+
+def is_implicit(options: SceneOptions) -> bool:
+    """Whether the scene has no triangles of its own."""
+    if options.path:
+        return Path(options.path).suffix in file.SUFFIXES
+    return options.name in shapes.NAMES
+
+
+def baseline(options: SceneOptions) -> str:
+    """The method that others are timed against."""
+    return IMPLICIT_BASELINE if is_implicit(options) else MESH_BASELINE
+
+
+def with_methods(config: Config) -> Config:
+    """The configuration with its methods named. Raises PrtnetError for one that the scene cannot have."""
+    implicit = is_implicit(config.scene)
+    if not config.methods:
+        return replace(config, methods=list(IMPLICIT_METHODS if implicit else MESH_METHODS))
+    first = baseline(config.scene)
+    allowed: Sequence[str] = IMPLICIT_METHODS if implicit else METHODS
+    if first not in config.methods or not set(config.methods) <= set(allowed):
+        others = ", ".join(name for name in allowed if name != first)
+        raise PrtnetError(f"methods: found {list(config.methods)}, expected {first} and some of {others}")
+    return config
+
+
+def load(config: Config) -> Loaded:
+    """The scene of a checked configuration. Raises PrtnetError."""
+    if not is_implicit(config.scene):
+        if config.transfer.tracer == MARCHED:
+            raise PrtnetError("transfer.tracer: found marched on triangles, expected auto, fused or embreex")
+        found = _triangles(config)
+        return Loaded(found.centred(), found.frame)
+    _check_implicit(config)
+    described = _described(config.scene)
+    check.check(described)
+    implicit = mesh.implicit_of(described)
+    made = replace(mesh.scene_of(implicit, config.sdf.resolution), frame=IDENTITY)
+    log.info("%s: implicit, %d triangles at %d cells a side", implicit.name, len(made.faces), config.sdf.resolution)
+    return Loaded(made, implicit.frame, implicit)
+
+
+def _described(options: SceneOptions) -> Described:
+    return file.read(Path(options.path)) if options.path else shapes.make(options.name)
+
+
+def _check_implicit(config: Config) -> None:
+    """What needs triangles or an atlas."""
+    refused = {
+        "transfer.transport": (config.transfer.transport, "interreflected", "shadowed: bounces are looked up in an atlas"),
+        "material.roughness": (config.material.roughness, "file", "config"),
+    }
+    for key, (found, bad, expected) in refused.items():
+        if found == bad:
+            raise PrtnetError(f"{key}: found {found} on an implicit surface, expected {expected}")
+    for key, found in {"train.texel_size": config.train.texel_size, "render.exact_samples": config.render.exact_samples}.items():
+        if found:
+            raise PrtnetError(f"{key}: found {found} on an implicit surface, which has no atlas, expected 0")
+    if config.export.lightmap:
+        raise PrtnetError("export.lightmap: found true on an implicit surface, which has no atlas, expected false")
+
+
+def _triangles(config: Config) -> Scene:
+    options, maps = config.scene, _normal_maps(config)
+    if options.path:
+        images = {part: normal_map.read(Path(file)) for part, file in maps.items()}
+        path = Path(options.path)
+        return scene.load(path, two_sided=options.two_sided, without=options.without, normal_maps=images)
+    for part, image in maps.items():
+        raise PrtnetError(
+            f"scene.normal_maps: {image} for part {part}: found the built-in scene {options.name}, whose parts have no "
+            "texture coordinates; expected a file as scene.path"
+        )
+    return builtin.make(options.name, tessellation=options.tessellation, seed=options.seed)
+
+
+def _normal_maps(config: Config) -> dict[str, str]:
+    found = config.scene.normal_maps or {}
+    if not (isinstance(found, dict) and all(isinstance(image, str) for image in found.values())):
+        raise PrtnetError(f"scene.normal_maps: found {found!r}, expected {{part: image, ...}}")
+    return {str(part): image for part, image in found.items()}

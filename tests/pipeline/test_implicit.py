@@ -1,0 +1,85 @@
+"""Jobs on implicit surfaces: from a description to a report, without triangles of their own."""
+
+import json
+
+import numpy as np
+import pytest
+
+from prtnet import PrtnetError, score
+from prtnet.pipeline import run
+from prtnet.pipeline.job import open_job
+from tests.pipeline.test_pipeline import config
+
+BALL = """
+name: ball
+parts:
+  plate: {colour: [0.6, 0.6, 0.6], shape: {moved: [{box: [1, 0.1, 1]}, 0, -0.5, 0]}}
+  ball: {colour: [0.8, 0.3, 0.2], shape: {sphere: [0.4]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory):
+    path = tmp_path_factory.mktemp("described") / "ball.yaml"
+    path.write_text(BALL)
+    return path
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, described):
+    out = tmp_path_factory.mktemp("implicit")
+    run(settings(out, described))
+    return out
+
+
+def settings(out, described, **changes):
+    return config(out, scene__path=str(described), sdf__resolution=48, **changes)
+
+
+def test_a_report_without_an_atlas(finished):
+    rows, _ = score.read(finished / "score.json")
+    assert {row.method for row in rows if row.reference == "traced"} == {"unshadowed", "net", score.NOISE_FLOOR}
+    by_name = {row.method: row for row in rows}
+    # shadows are what a network adds
+    assert by_name["net"].psnr > by_name["unshadowed"].psnr + 3
+    assert by_name["unshadowed"].ms_ratio == 1
+    for name in ("report.html", "contact_sheet.png", "net.safetensors", "transfer.glsl"):
+        assert (finished / name).exists()
+    assert not (finished / "transfer_texture.exr").exists()
+
+
+def test_the_quick_way_is_held_against_the_surface(finished):
+    assert 0 < json.loads((finished / "score.json").read_text())["rows"][0]["psnr"]
+    assert "against the surface itself" in (finished / "report.html").read_text()
+
+
+def test_rays_through_the_surface_itself(finished, described, tmp_path):
+    quick = open_job(settings(tmp_path / "a", described), "", None)
+    slow = open_job(settings(tmp_path / "b", described, transfer__tracer="marched"), "", None)
+    assert quick.training_tracer.kind != slow.training_tracer.kind == quick.reference_tracer.kind == "marched"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"methods": ["texture", "net"]}, r"methods: found .*texture.*, expected unshadowed and some of net"),
+        ({"transfer__transport": "interreflected"}, "transfer.transport: found interreflected on an implicit surface"),
+        ({"train__texel_size": 8}, "train.texel_size: found 8 on an implicit surface"),
+        ({"render__exact_samples": 8}, "render.exact_samples: found 8 on an implicit surface"),
+        ({"export__lightmap": True}, "export.lightmap: found true on an implicit surface"),
+    ],
+)
+def test_what_needs_triangles_is_refused(tmp_path, described, changes, words):
+    with pytest.raises(PrtnetError, match=words):
+        run(settings(tmp_path, described, **changes))
+
+
+def test_marching_needs_a_surface(tmp_path):
+    with pytest.raises(PrtnetError, match="transfer.tracer: found marched on triangles"):
+        run(config(tmp_path, transfer__tracer="marched"))
+
+
+def test_points_lie_on_the_surface(finished, described, tmp_path):
+    job = open_job(settings(tmp_path, described), "", None)
+    assert job.implicit is not None
+    assert np.abs(job.implicit.field.distance(job.scene.vertices)).max() < 1e-5

@@ -119,9 +119,11 @@ def _folded(operation: str, nodes: tuple[Node, ...]) -> Node | None:
     if operation == "mul":
         if 0 in known:
             return constant(0)
+        if -1 in known:
+            return apply("neg", nodes[1 - known.index(-1)])
         return second if known[0] == 1 else first if known[1] == 1 else None
-    if operation == "div" and known[1] == 1:
-        return first
+    if operation == "div" and known[1]:
+        return apply("mul", first, 1 / known[1])
     if operation == "neg" and first.operation == "neg":
         return first.arguments[0]
     if operation in ("min", "max", "select") and nodes[-1] is nodes[-2]:

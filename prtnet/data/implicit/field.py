@@ -70,21 +70,29 @@ class Field(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Analytic:
-    """Shapes, one for each material, joined within the distance `smooth`."""
+    """Shapes, one for each material, joined within the distance `smooth`.
+
+    Where some are to be joined otherwise than the rest, `joined` is the surface and the shapes only tell its materials.
+    """
 
     shapes: tuple[Shape, ...]
     smooth: float = 0.0
     lipschitz: float = 1.0
+    joined: Shape | None = None
 
     def in_frame(self, frame: Frame) -> "Analytic":
         """The same surface in the coordinates of a frame, with its distances in these units."""
         x, y, z = (float(value) for value in frame.centre)
-        shapes = tuple(scaled(moved(shape, -x, -y, -z), frame.scale) for shape in self.shapes)
-        return Analytic(shapes, self.smooth * frame.scale, self.lipschitz)
+
+        def brought(shape: Shape) -> Shape:
+            return scaled(moved(shape, -x, -y, -z), frame.scale)
+
+        joined = None if self.joined is None else brought(self.joined)
+        return Analytic(tuple(map(brought, self.shapes)), self.smooth * frame.scale, self.lipschitz, joined)
 
     @cached_property
     def whole(self) -> Shape:
-        return union(*self.shapes, smooth=self.smooth)
+        return self.joined or union(*self.shapes, smooth=self.smooth)
 
     @cached_property
     def program(self) -> Program:

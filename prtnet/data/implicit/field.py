@@ -44,7 +44,10 @@ _PYTHON = {
 class Field(Protocol):
     """A distance that sphere tracing can walk by. `Analytic` is of shapes, `Neural` a network."""
 
-    lipschitz: float  # the greatest slope of the distance where rays go
+    @property
+    def lipschitz(self) -> float:
+        """The greatest slope of the distance where rays go."""
+        ...
 
     def distance(self, points: Float[Array, "n 3"]) -> Float[Array, " n"]:
         """Float64: the plain twin of all compiled forms."""

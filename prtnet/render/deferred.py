@@ -13,9 +13,9 @@ from prtnet.models.inference import Inference
 from prtnet.netspec import NetSpec
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
+from prtnet.render.marched import Drawing
 from prtnet.render.material import DIFFUSE, Material
 from prtnet.render.method import Shaded
-from prtnet.render.raster import Raster
 
 Array = np.ndarray
 
@@ -23,7 +23,7 @@ Array = np.ndarray
 class DeferredMethod(Shaded):
     """Transfer from a net in torch at every covered pixel. The time of a frame has both ways of the pixels in it."""
 
-    def __init__(self, raster: Raster, net: NetSpec, *, material: Material = DIFFUSE):
+    def __init__(self, raster: Drawing, net: NetSpec, *, material: Material = DIFFUSE):
         count = sh.count(net.bands)
         self.raster, self.material, self.groups = raster, material, net.groups
         self.coefficients, self.layers = range(count, count + 1), gl.layer_count(count)

@@ -17,6 +17,7 @@ from prtnet.export.spelling import number, vector
 from prtnet.netspec import NetSpec
 from prtnet.render import features, reflectance
 from prtnet.render.camera import Camera
+from prtnet.render.marched import Drawing
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
 from prtnet.render.raster import Group, Raster
 from prtnet.render.transfer_map import TransferMap
@@ -31,7 +32,7 @@ class Shaded:
 
     def __init__(
         self,
-        raster: Raster,
+        raster: Drawing,
         coefficients: range,
         source: str,
         transfer: str,
@@ -68,7 +69,7 @@ class Shaded:
         assert self.material.varies
         self.material = material
         self._attributes = self._reflected()
-        self.draws = self.raster.draws(self.program, self._attributes)
+        self.draws: Any = self.raster.draws(self.program, self._attributes)
 
     def _count_light(self) -> None:
         """The counts of coefficients that a light may have, and the layers that hold them."""
@@ -116,7 +117,7 @@ class Shaded:
             SUM=self._received(names),
             **defines,
         )
-        self.draws = self.raster.draws(self.program, self._attributes)
+        self.draws: Any = self.raster.draws(self.program, self._attributes)
 
     def _vectors(self) -> list[str]:
         """The vec4 that the source of transfer fills."""
@@ -182,6 +183,8 @@ class TextureMethod(Shaded):
     """Transfer from textures over the atlas (Dhawal, Aakash KT and Narayanan 2022), bilinear or, with mip levels,
     trilinear."""
 
+    raster: Raster
+
     def __init__(
         self,
         raster: Raster,
@@ -228,7 +231,7 @@ class NetMethod(Shaded):
 
     def __init__(
         self,
-        raster: Raster,
+        raster: Drawing,
         function: str,
         *,
         material: Material = DIFFUSE,

@@ -74,7 +74,7 @@ class Raster:
         function of the text `vertex` as AT_VERTEX."""
         if self.scene.tangents is not None:
             defines["NORMAL_MAP"] = 1
-        return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, **defines)
+        return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, VARYING="in", **defines)
 
     def draws(
         self, program: moderngl.Program, attributes: Mapping[str, Float32[Array, "v c"]] | None = None

@@ -1,6 +1,6 @@
 // What a fragment reflects; albedo.glsl stands before. e = 2 / r^4 - 2 and its limits are those of data/roughness.py.
-in vec4 reflectance;
-in float own_exponent;
+VARYING vec4 reflectance;
+VARYING float own_exponent;
 #ifdef ROUGHNESS
 in float own_roughness;
 uniform sampler2D roughness_map;

@@ -14,22 +14,25 @@ import numpy as np
 from jaxtyping import Float32
 
 from prtnet import PrtnetError, gl
+from prtnet.data.implicit import project
 from prtnet.data.implicit.field import Analytic, Field, unit_gradient
 from prtnet.data.implicit.surface import Implicit
 from prtnet.data.scene import IDENTITY, Material, Scene
 from prtnet.export import implicit as functions
-from prtnet.render import reflectance, sphere_tracing
+from prtnet.export import sphere_tracing
+from prtnet.export.sphere_tracing import BOX, REFINEMENTS, STEPS
+from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer
 from prtnet.render.raster import Raster
-from prtnet.render.sphere_tracing import BOX, GRAZING, LEAST, NEAR, REFINEMENTS, STEPS
+from prtnet.render.transfer_map import pixel_angle
 
 Array = np.ndarray
 
 # texture units of what the first pass leaves; 1 is the method's
 PLACES, FACINGS = 0, 2
-# steps that take a point of the first pass to the surface in float64
-PROJECTIONS = 3
+# how far a step may take a point of the first pass, which is as near as float32 allows but at outlines
+FURTHEST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +51,8 @@ class Marched:
         self.scene = stand_in(implicit.name, implicit.materials)
         self._albedos = np.stack([material.albedo for material in implicit.materials]).astype(np.float32)
         self.resize(size, size)
-        numbers = {"BOX": BOX, "NEAR": NEAR, "LEAST": LEAST, "GRAZING": GRAZING}
-        text = _functions(implicit.field) + gl.shader("march.frag.glsl")
-        self._march = gl.program(gl.shader("fullscreen.vert.glsl"), text, None, **numbers)
+        text = _functions(implicit.field) + sphere_tracing.meet(implicit.field.lipschitz)
+        self._march = gl.program(gl.shader("fullscreen.vert.glsl"), text + gl.shader("march.frag.glsl"))
         self._marching = gl.context().vertex_array(self._march, [])
 
     def resize(self, width: int, height: int) -> None:
@@ -106,16 +108,19 @@ class Marched:
         self._met.clear()
         gl.context().enable_only(moderngl.DEPTH_TEST)
         gl.context().depth_func = "<"
-        half = float(np.tan(np.radians(camera.fov_y) / 2))
-        right, up, backward = camera.basis()
-        ahead = max(0.0, float(backward @ camera.eye) - np.sqrt(3) * BOX)
-        window = np.stack([half * self.aspect * right, half * up, -backward])
-        middle = np.array(camera.eye) - ahead * backward
-        gl.put(
-            self._march, window=window, middle=middle, ahead=ahead, size=self.target.size, pixel=2 * half / self.size
-        )
-        gl.put(self._march, steps=self.steps, refinements=REFINEMENTS, lipschitz=self.implicit.field.lipschitz)
+        gl.put(self._march, size=self.target.size, prt_steps=(self.steps, REFINEMENTS), **self._rays(camera))
         self._marching.render(moderngl.TRIANGLES, vertices=3)
+
+    def _rays(self, camera: Camera) -> dict[str, object]:
+        """The uniforms that say where rays begin and where they go."""
+        pixel, (right, up, backward) = pixel_angle(camera, self.size), camera.basis()
+        half, ahead = pixel * self.size / 2, max(0.0, float(backward @ camera.eye) - np.sqrt(3) * BOX)
+        return {
+            "prt_window": np.stack([half * self.aspect * right, half * up, -backward]),
+            "prt_middle": np.array(camera.eye) - ahead * backward,
+            "prt_ahead": ahead,
+            "prt_pixel": pixel,
+        }
 
     def surface(self, camera: Camera) -> tuple[Float32[Array, "h w 4"], Float32[Array, "h w 4"]]:
         """What the first pass leaves: (point, part + 1) and (unit normal, 0) of each pixel, 0 where nothing is met."""
@@ -127,7 +132,7 @@ class Marched:
         surface in float64. Faces are those of `scene`."""
         places = self.surface(camera)[0].reshape(-1, 4)
         pixel, field = np.flatnonzero(places[:, 3] > 0), self.implicit.field
-        positions = sphere_tracing.projected(field, places[pixel, :3].astype(np.float64), PROJECTIONS)
+        positions = project.onto(field, places[pixel, :3].astype(np.float64), furthest=FURTHEST)
         part = places[pixel, 3].astype(np.int32) - 1
         normals = unit_gradient(field, positions).astype(np.float32)
         return GBuffer(

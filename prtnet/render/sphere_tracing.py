@@ -1,25 +1,14 @@
-"""Sphere tracing of a camera's rays (Hart 1996, *Sphere Tracing*) in float64: the plain twin of march.frag.glsl.
-
-A ray begins where it enters the unit cube grown by a margin, and walks distance / lipschitz at a time. It has met the
-surface when the distance is below NEAR of what its pixel covers there, so that outlines grow by no more than that; a
-ray that runs out of steps has, when it is within a pixel. Steps of Newton along the ray then take the point to the
-surface, and the last one goes along the gradient, for rays that only come near.
-"""
+"""Sphere tracing of a camera's rays in float64: the plain twin of `prtnet.export.sphere_tracing`."""
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
 from prtnet.data.implicit.field import Field
+from prtnet.export.sphere_tracing import BOX, GRAZING, LEAST, NEAR, REFINEMENTS, STEPS
 from prtnet.render.camera import Camera
 from prtnet.render.transfer_map import pixel_angle
 
 Array = np.ndarray
-
-BOX = 1.01  # half the side of the cube that rays are followed in
-NEAR = 0.05  # pixels
-LEAST = 1e-5  # the least distance that float32 tells from 0
-GRAZING = 0.1  # the least slope of the distance along a ray that Newton's method is told
-STEPS, REFINEMENTS = 256, 3
 
 
 def met(
@@ -42,7 +31,8 @@ def met(
         going = going[(t[going] <= leave[going]) & (found[going] > near[going])]
         if not len(going):
             break
-    hit = (t <= leave) & (found <= np.maximum(pixel * (enter + t), LEAST))
+    inside = (t == 0) & (found < -LEAST)
+    hit = ~inside & (t <= leave) & (found <= np.maximum(pixel * (enter + t), LEAST))
     points = np.zeros_like(start)
     points[hit] = refined(field, start[hit] + t[hit, None] * rays[hit], rays[hit], refinements)
     return points, hit
@@ -55,13 +45,6 @@ def refined(
     for _ in range(refinements):
         slope = np.einsum("ni,ni->n", field.gradient(points), rays)
         points = points - (field.distance(points) / np.minimum(slope, -GRAZING))[:, None] * rays
-    return projected(field, points)
-
-
-def projected(field: Field, points: Float64[Array, "n 3"], steps: int = 1) -> Float64[Array, "n 3"]:
-    """Points near the surface moved to it along the gradient."""
-    for _ in range(steps):
-        slope = field.gradient(points)
-        squared = np.maximum(np.einsum("ni,ni->n", slope, slope), 1e-12)
-        points = points - (field.distance(points) / squared)[:, None] * slope
-    return points
+    slope = field.gradient(points)
+    squared = np.maximum(np.einsum("ni,ni->n", slope, slope), 1e-12)
+    return points - (field.distance(points) / squared)[:, None] * slope

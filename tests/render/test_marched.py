@@ -87,7 +87,7 @@ def test_a_sphere_is_one(camera):
 
 def test_the_gbuffer_lies_on_the_surface(marched):
     found, field = marched.gbuffer(EYE), marched.implicit.field
-    assert np.abs(field.distance(found.positions.astype(np.float64))).max() < 1e-7
+    assert np.abs(field.distance(found.positions.astype(np.float64))).max() < 3e-7
     np.testing.assert_array_equal(found.part, field.part(found.positions))
     assert set(found.part) == {0, 1, 2}
     np.testing.assert_array_equal(found.albedo, np.array(COLOURS, np.float32)[found.part])
@@ -115,8 +115,9 @@ def test_missed_pixels_stay_0_with_and_without_the_depth_test(marched):
     np.testing.assert_array_equal((image != 0).any(axis=2).ravel(), covered)
     method.render(EYE, prepass=False)
     np.testing.assert_array_equal(marched.target.read()[..., :3], image)
-    method.render(Camera((0.0, 3.0, 3.0), (0.0, 6.0, 3.0), up=(0.0, 0.0, 1.0)))
-    assert not marched.target.read().any()
+    for nothing in (Camera((0.0, 3.0, 3.0), (0.0, 6.0, 3.0), up=(0.0, 0.0, 1.0)), Camera((0.0, -0.2, 0.0), EYE.eye)):
+        method.render(nothing)
+        assert not marched.target.read().any()
 
 
 def test_frames_need_not_be_square(marched):

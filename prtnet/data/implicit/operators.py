@@ -116,8 +116,35 @@ def repeated(shape: Shape, axis: str, spacing: float, count: int | None = None) 
 
 
 def around(shape: Shape, axis: str, count: int) -> Shape:
-    """Copies about an axis through the origin, evenly, the first in place."""
-    return union(*(turned(shape, axis, 360 * each / count) for each in range(count)))
+    """Copies about an axis, evenly, the first in place: about x it is at +y, about y and z at +x.
+
+    The plane is folded at mirrors half-way between copies until one is left, with fewer mirrors than copies; so every
+    second copy is a mirror image, and a shape that reaches across a mirror is cut there.
+    """
+    along, across = (each for each in range(3) if each != _index(axis))
+    positive("around", count=count)
+    angles = _mirrors(count)
+
+    def at(p: Point) -> Node:
+        u, v = p[along], abs(p[across]) if angles else p[across]
+        for angle in angles:
+            c, s = float(np.cos(angle)), float(np.sin(angle))
+            beyond = 2 * maximum(v * c - u * s, 0)
+            u, v = u + beyond * s, v - beyond * c
+        return shape(_replaced(_replaced(p, along, u), across, v))
+
+    return at
+
+
+def _mirrors(count: int) -> list[float]:
+    """Angles at which the half plane is folded, in radians, each the least that keeps to the sector of the first copy
+    what it brings back."""
+    half, found, reach = np.pi / count, [], np.pi
+    while reach > half * 1.000001:
+        odd = int(np.ceil((reach / half - 1) / 2 - 1e-6))
+        reach = (odd + 1 - odd % 2) * half
+        found.append(float(reach))
+    return found
 
 
 def turned(shape: Shape, axis: str | Triple, degrees: float) -> Shape:

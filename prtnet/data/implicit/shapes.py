@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from math import sqrt as root
 
 from prtnet import PrtnetError
-from prtnet.data.implicit.expression import Node, Number, Point, clamp, dot, length, maximum, minimum, sqrt
+from prtnet.data.implicit.expression import Node, Point, clamp, dot, length, maximum, minimum, sqrt
 
 Shape = Callable[[Point], Node]
 Triple = tuple[float, float, float]
@@ -95,15 +95,19 @@ def capsule(start: Triple, end: Triple, radius: float, end_radius: float | None 
             f"capsule: end_radius: found {last}, expected at least 0 and within {size:.6g}, its length, of {radius}"
         )
 
+    unit = [each / size for each in along]
+
     def at(p: Point) -> Node:
         away = [axis - first for axis, first in zip(p, start, strict=True)]
-        foot = dot(away, along) / size
-        if taper:
-            foot = foot - taper / root(1 - taper * taper) * sqrt(maximum(dot(away, away) - foot * foot, 0))
-        share: Number = clamp(foot / size, 0, 1)
-        return length(*(each - share * step for each, step in zip(away, along, strict=True))) - (
-            radius + (last - radius) * share
-        )
+        foot = dot(away, unit)
+        if not taper:
+            nearest = clamp(foot, 0, size)
+            return length(*(each - nearest * step for each, step in zip(away, unit, strict=True))) - radius
+        off = [each - foot * step for each, step in zip(away, unit, strict=True)]
+        squared = dot(off, off)
+        nearest = clamp(foot - taper / root(1 - taper * taper) * sqrt(squared), 0, size)
+        ahead = foot - nearest
+        return sqrt(squared + ahead * ahead) + taper * nearest - radius
 
     return at
 

@@ -1,6 +1,6 @@
 """A horned monster with three eyes that waves with its mouth open, on a disc of stone. It is 2.6 tall."""
 
-from prtnet.data.implicit.operators import difference, mirrored, moved, repeated, shell, turned, union
+from prtnet.data.implicit.operators import difference, mirrored, moved, repeated, rounded, shell, turned, union
 from prtnet.data.implicit.shapes import Shape, capsule, chain, cone, cylinder, ellipsoid, sphere
 from prtnet.data.implicit.surface import Described, described
 
@@ -14,7 +14,7 @@ def make() -> Described:
     surface = union(skin, horns, teeth, tongue, eyes, pupils, stone)
     parts = {
         "skin": (skin, (0.13, 0.30, 0.42)),
-        "mouth": (shell(_cavity(), 0.02), (0.30, 0.03, 0.04)),
+        "mouth": (difference(shell(_cavity(), 0.02), rounded(tongue, 0.01)), (0.30, 0.03, 0.04)),
         "horns": (horns, (0.68, 0.58, 0.40)),
         "teeth": (teeth, (0.80, 0.76, 0.66)),
         "tongue": (tongue, (0.62, 0.16, 0.18)),

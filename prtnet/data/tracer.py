@@ -32,13 +32,15 @@ class Tracer:
     Raises PrtnetError without embreex, and for kind=fused where that path is not available.
     """
 
-    def __init__(self, scene: Scene, *, kind: str = "auto", width: int | None = None):
+    def __init__(
+        self, scene: Scene, *, kind: str = "auto", width: int | None = None, offset: float | None = None
+    ):
         if kind not in KINDS:
             raise PrtnetError(f"tracer: found kind {kind!r}, expected one of {', '.join(KINDS)}")
         self.frame = scene.frame
         vertices = self.frame.to_unit(scene.vertices)
         faces = np.ascontiguousarray(scene.faces, np.int32)
-        self.offset = _offset(vertices)
+        self.offset = _offset(vertices) if offset is None else offset
         self.rays_traced = 0
         started = time.perf_counter()
         self._mesh = np.ascontiguousarray(vertices, np.float32), faces

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, sh
-from prtnet.data import mipmap, samples, texture, vertex
+from prtnet.data import mipmap, samples, texture, transfer, vertex
 from prtnet.data.atlas import Atlas
 from prtnet.data.implicit import project
 from prtnet.data.implicit.march import MarchTracer
@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 
 CLEARANCE = 0.05  # in unit lengths (the scene is 2 long): less before a point than this and nobody looks at it
+# that tell how far rays against an implicit surface's mesh are from those through itself
+STRAYED_POINTS, STRAYED_RAYS = 2000, 512
 TEST_DIRECTIONS = 4  # times the training rays: the test set's noise is then half the training set's
 
 
@@ -71,6 +73,8 @@ class NetPoints:
     training: PointSet
     areas: PointSet  # the independent test set
     vertices: PointSet  # the other test set
+    # relative RMSE of the training set's coefficients, where it is of rays against an implicit surface's mesh
+    strayed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -106,23 +110,35 @@ def _net_points(job: Job, baked: BakedTexture | None) -> NetPoints:
     vertices = _on_surface(job, samples.at_vertices(job.scene))
     few = job.rng("vertices").permutation(len(vertices.face))[: options.test_count]
     tested = {"areas": uniform("areas", options.test_count), "vertices": samples.select(vertices, np.sort(few))}
-    return NetPoints(
-        _point_set(
-            job,
-            "training",
-            uniform("training", options.count),
-            options.count,
-            options.directions or rays,
-            baked,
-            job.training_tracer,
-        ),
-        *(
-            _point_set(
-                job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked, job.reference_tracer
-            )
-            for purpose, points in tested.items()
-        ),
+    learned = uniform("training", options.count)
+    fewer = options.directions or rays
+    training = _point_set(job, "training", learned, options.count, fewer, baked, job.training_tracer)
+    areas, others = (
+        _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked, job.reference_tracer)
+        for purpose, points in tested.items()
     )
+    return NetPoints(training, areas, others, _strayed(job, areas))
+
+
+def _strayed(job: Job, points: PointSet) -> float | None:
+    """How far transfer by rays against the mesh of an implicit surface is from that of the surface itself."""
+    if job.training_tracer is job.reference_tracer:
+        return None
+    inputs = job.scene_key | {"points": points.key, "count": STRAYED_POINTS}
+
+    def make() -> tuple[dict[str, Array], dict[str, float]]:
+        few = slice(0, STRAYED_POINTS)
+        where = points.positions[few].astype(np.float64), points.normals[few]
+        options: dict[str, Any] = {"bands": job.config.transfer.bands, "directions": STRAYED_RAYS}
+        quick, exact = (
+            transfer.bake(tracer, *where, rng=np.random.default_rng(0), **options).astype(np.float64)
+            for tracer in (job.training_tracer, job.reference_tracer)
+        )
+        return {}, {"strayed": float(np.sqrt(np.sum((quick - exact) ** 2) / np.sum(exact**2)))}
+
+    strayed = job.store.make("strayed", inputs, make).facts["strayed"]
+    log.info("training rays against the mesh are %.2g of the coefficients from the surface itself", strayed)
+    return strayed
 
 
 def _on_surface(job: Job, points: Samples) -> Samples:

@@ -59,7 +59,9 @@ class Job:
         kind, cells = self.config.transfer.tracer, self.config.sdf.resolution
         if not self.implicit:
             return Tracer(self.scene, kind=kind)
-        return mesh.tracer_of(self.scene, cells, kind="auto" if kind == scenes.MARCHED else kind)
+        # between its vertices the mesh lies beside the surface
+        offset = mesh.OFFSET * 2 / cells
+        return Tracer(self.scene, kind="auto" if kind == scenes.MARCHED else kind, offset=offset)
 
     @cached_property
     def marched(self) -> MarchTracer:

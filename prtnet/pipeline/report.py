@@ -133,6 +133,7 @@ def _net_facts(points: NetPoints, trained: Trained, exported: Exported) -> dict[
     return {
         "training points": points.training.facts["points"],
         "of them enclosed, left out": points.training.facts["enclosed"],
+        **({} if points.strayed is None else {"their rays, against the surface itself": f"{points.strayed:.2%} off"}),
         "recipe": trained.facts["recipe"],
         "training steps": trained.facts["steps"],
         "training CPU-seconds": trained.facts["cpu_seconds"],

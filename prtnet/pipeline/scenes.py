@@ -1,6 +1,5 @@
 """The scene of a job: triangles, and the surface that they follow where it is an implicit one."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,9 +10,7 @@ from prtnet.data import builtin, normal_map, scene
 from prtnet.data.implicit import builtin as shapes
 from prtnet.data.implicit import check, file, mesh
 from prtnet.data.implicit.surface import Described, Implicit
-from prtnet.data.scene import IDENTITY, Frame, Scene
-
-log = logging.getLogger(__name__)
+from prtnet.data.scene import Frame, Scene
 
 MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "net")
 # of them, what milliseconds are told relative to
@@ -67,9 +64,7 @@ def load(config: Config) -> Loaded:
     described = _described(config.scene)
     check.check(described)
     implicit = mesh.implicit_of(described)
-    made = replace(mesh.scene_of(implicit, config.sdf.resolution), frame=IDENTITY)
-    log.info("%s: implicit, %d triangles at %d cells a side", implicit.name, len(made.faces), config.sdf.resolution)
-    return Loaded(made, implicit.frame, implicit)
+    return Loaded(mesh.scene_of(implicit, config.sdf.resolution).centred(), implicit.frame, implicit)
 
 
 def _described(options: SceneOptions) -> Described:

@@ -11,6 +11,7 @@ A packet is float32 of four rows of 16: x, y, z and the distance found there.
 import hashlib
 import importlib.util
 import os
+import sys
 import tempfile
 from functools import lru_cache
 from math import inf
@@ -19,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 
 from prtnet.data.kernels import LANES as BLOCK
@@ -28,6 +29,9 @@ from prtnet.data.kernels import to_world
 LANES = 16
 FREE, HIT, LOST = 0, 1, 2  # how rays end; LOST: by their number of steps
 POINTS = 8  # whose rays are walked together, so that no lane idles at the end of a point
+TINY, INFINITE = np.float32(1e-9), np.float32(inf)
+ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
+FREE_NOW, HIT_NOW, LOST_NOW = np.float32(1 + FREE), np.float32(1 + HIT), np.float32(1 + LOST)
 STEEPEST = np.float32(0.95)  # slope along a ray above which it is not believed to leave any faster
 
 # The loop's length comes in at run time: LLVM unrolls one of 16 and then finds no vectors in it.
@@ -92,7 +96,7 @@ def compiled(source: str) -> Any:
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
     assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)  # numba's cache looks it up there
     spec.loader.exec_module(module)
     return module.lanes
 
@@ -141,109 +145,136 @@ def distances(function, points, out):
             out[first + q] = packet[3, q]
 
 
-@njit(nogil=True, cache=True, inline="always")
-def span(origin, direction, low, high):
-    """Where a ray enters and leaves a box; it leaves before it enters where it misses."""
-    enter, leave = np.float32(0), np.float32(inf)
-    for axis in range(3):
-        if direction[axis] == 0:
-            if origin[axis] < low[axis] or origin[axis] > high[axis]:
-                leave = np.float32(-1)
-        else:
-            a, b = (low[axis] - origin[axis]) / direction[axis], (high[axis] - origin[axis]) / direction[axis]
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-    return enter, leave
-
-
-# rows of the state of the rays in flight
-ORIGIN, DIRECTION, AT, BEFORE, RADIUS, END, SLOPE, STEPS = 0, 3, 6, 7, 8, 9, 10, 11
+# Rows of what is known of the rays in flight. Spheres about points of a ray are free; those from its start on meet each
+# other up to BEFORE + RADIUS, and about FAR (inf: none) is one beyond that does not meet them yet. The last rows hold
+# settings, the same in all lanes; DONE is 1 + how a ray ended, or 0.
+POINT, DISTANCE, ORIGIN, DIRECTION, AT, BEFORE, RADIUS, FAR, FAR_RADIUS = 0, 3, 4, 7, 10, 11, 12, 13, 14
+END, STEPS, DONE, SCALE, EPSILON, MOST, ANY, ROWS = 15, 16, 17, 18, 19, 20, 21, 22
 
 
 @njit(nogil=True, cache=True)
 def walk(function, low, high, settings, origins, radii, normals, directions, any_hit, ends, lengths):
     """Sphere tracing (Hart 1996) of rays, `directions` "n m 3" from `origins` "n 3": how each ends, and where it hit.
 
-    `settings`: 1 / lipschitz, epsilon, steps. `radii` are the distances at the origins, `normals` unit vectors along
-    which they grow, or 0. Steps are longer than the distance: so long that the next sphere touches the last one if the
-    distance goes on as it went between the last two points (Balint and Valasek 2018, *Accelerating Sphere Tracing*).
-    Where the spheres do not meet, the ray steps back (Keinert et al. 2014, *Enhanced Sphere Tracing*), so that what is
-    walked is covered by spheres that are free. With `any_hit` a point inside ends the ray wherever it was found.
+    `function`: the addresses of a field's loop and of `advance`. `settings`: 1 / lipschitz, epsilon, steps. `radii` are
+    the distances at the origins, `normals` unit vectors along which they grow, or 0. Returns the number of distances
+    that were evaluated.
+
+    Steps are longer than the distance: so long that the next sphere touches the last one if the distance goes on as it
+    went between the last two points (Balint and Valasek 2018, *Accelerating Sphere Tracing*). Where the spheres do not
+    meet (Keinert et al. 2014, *Enhanced Sphere Tracing*), the ray looks into the middle of the gap and keeps what it
+    found beyond. So a free ray is covered by free spheres. With `any_hit` a point inside ends the ray wherever it is.
     """
-    scale, epsilon, most = settings[0], settings[1], settings[2]
     many = directions.shape[1]
     total = origins.shape[0] * many
-    state, packet = np.zeros((12, LANES), np.float32), np.zeros((4, LANES), np.float32)
-    done, ray = np.ones(LANES, np.int32), np.full(LANES, -1, np.int64)
-    taken, flying, evaluations = 0, 0, 0
-    # lanes without a ray stand still far away
+    state, ray = np.zeros((ROWS, LANES), np.float32), np.full(LANES, -1, np.int64)
+    state[DONE] = 1 + FREE
+    state[SCALE], state[EPSILON], state[MOST], state[ANY] = settings[0], settings[1], settings[2], any_hit
+    i, taken, flying, evaluations = 0, 0, 0, 0
     while True:
         for q in range(LANES):
-            while done[q] and taken < total:
-                i, j = taken // many, taken % many
-                enter, leave = span(origins[i], directions[i, j], low, high)
-                if leave < enter:
-                    ends[i, j], lengths[i, j] = FREE, inf
-                elif enter == 0 and radii[i] * scale < epsilon:
-                    ends[i, j], lengths[i, j] = HIT, 0
-                else:
-                    slope = np.float32(0)
-                    for axis in range(3):
-                        state[ORIGIN + axis, q], state[DIRECTION + axis, q] = origins[i, axis], directions[i, j, axis]
-                        slope += normals[i, axis] * directions[i, j, axis]
-                    first = radii[i] * scale if enter == 0 else np.float32(0)
-                    state[BEFORE, q], state[RADIUS, q], state[END, q] = enter, first, leave
-                    state[AT, q] = min(enter + stride(first, slope * scale), leave)
-                    state[STEPS, q] = 0
-                    done[q], ray[q] = 0, taken
+            if state[DONE, q] == 0:
+                continue
+            if ray[q] >= 0:
+                hit = state[DONE, q] == HIT_NOW
+                ends[ray[q]], lengths[ray[q]] = np.uint8(state[DONE, q] - ONE), state[AT, q] if hit else INFINITE
+                ray[q] = -1
+                flying -= 1
+            while ray[q] < 0 and taken < total:
+                if taken - i * many >= many:
+                    i += 1
+                end = begin(origins, directions, normals, radii, i, taken - i * many, low, high, state, q)
+                if end == 0:
+                    ray[q] = taken
                     flying += 1
+                else:
+                    ends[taken], lengths[taken] = end - 1, ZERO if end == 1 + HIT else INFINITE
                 taken += 1
         if flying == 0:
             return evaluations
-        for q in range(LANES):
-            for axis in range(3):
-                packet[axis, q] = state[ORIGIN + axis, q] + state[AT, q] * state[DIRECTION + axis, q]
-        call_lanes(function, packet.ctypes.data, LANES)  # pyright: ignore[reportCallIssue]
+        call_lanes(function[0], state.ctypes.data, LANES)  # pyright: ignore[reportCallIssue]
+        call_lanes(function[1], state.ctypes.data, LANES)  # pyright: ignore[reportCallIssue]
         evaluations += LANES
-        advance(state, packet, done, scale, epsilon, most, any_hit)
-        for q in range(LANES):
-            if done[q] and ray[q] >= 0:
-                i, j = ray[q] // many, ray[q] % many
-                ends[i, j] = done[q] - 1
-                lengths[i, j] = state[AT, q] if done[q] == 1 + HIT else inf
-                ray[q] = -1
-                flying -= 1
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True, forceinline=True, error_model="numpy")
+def begin(origins, directions, normals, radii, i, j, low, high, state, q):
+    """Puts a ray into a lane and returns 0; or 1 + how it ends if it does so at once."""
+    enter, leave = ZERO, INFINITE
+    slope, radius = ZERO, radii[i] * state[SCALE, q]
+    for axis in range(3):
+        start, step = origins[i, axis], directions[i, j, axis]
+        slope += normals[i, axis] * step * state[SCALE, q]
+        if step == 0:
+            leave = leave if low[axis] <= start <= high[axis] else -ONE
+        else:
+            inverse = ONE / step
+            a, b = (low[axis] - start) * inverse, (high[axis] - start) * inverse
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    if leave < enter:
+        return 1 + FREE
+    if enter == 0 and radius < state[EPSILON, q]:
+        return 1 + HIT
+    radius = radius if enter == 0 else ZERO
+    at = min(enter + stride(radius, slope), leave)
+    for axis in range(3):
+        start, step = origins[i, axis], directions[i, j, axis]
+        state[ORIGIN + axis, q], state[DIRECTION + axis, q], state[POINT + axis, q] = start, step, start + at * step
+    state[AT, q], state[BEFORE, q], state[RADIUS, q], state[END, q] = at, enter, radius, leave
+    state[FAR, q], state[FAR_RADIUS, q], state[STEPS, q], state[DONE, q] = INFINITE, ZERO, ZERO, ZERO
+    return 0
+
+
+@njit(nogil=True, cache=True, forceinline=True, error_model="numpy")
 def stride(radius, slope):
     """To where a sphere touches one of this radius, if the radius grows along the ray as it did."""
-    return 2 * radius / (1 - min(slope, STEEPEST))
+    return TWO * radius / (ONE - (slope if slope < STEEPEST else STEEPEST))
 
 
-@njit(nogil=True, cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
-def advance(state, packet, done, scale, epsilon, most, any_hit):
-    """One step of all rays in flight; `done` becomes 1 + how a ray ended."""
-    for q in range(LANES):
-        radius, at, before = packet[3, q] * scale, state[AT, q], state[BEFORE, q]
+@cfunc(types.void(types.CPointer(types.float32), types.int64), cache=True, error_model="numpy", fastmath={"nsz"})
+def advance(packet, count):
+    """One step of all rays in flight, by the distances at their points."""
+    state = carray(packet, (ROWS, LANES))
+    for q in range(count):
+        at, before, last, epsilon = state[AT, q], state[BEFORE, q], state[RADIUS, q], state[EPSILON, q]
+        far, beyond = state[FAR, q], state[FAR_RADIUS, q]
+        radius = state[DISTANCE, q] * state[SCALE, q]
+        free = radius if radius > ZERO else ZERO
         gap = at - before
-        meets = gap <= state[RADIUS, q] + max(radius, np.float32(0)) + epsilon
-        hit = radius < epsilon and (meets or any_hit)
-        slope = (radius - state[RADIUS, q]) / max(gap, np.float32(1e-9))
-        state[STEPS, q] += np.float32(1)
-        # back to where the last sphere ends
-        back = before + state[RADIUS, q]
-        free = meets and at + radius >= state[END, q]
-        state[BEFORE, q] = at if meets and not hit else before
-        state[RADIUS, q] = radius if meets and not hit else state[RADIUS, q]
-        onward = min(at + stride(radius, slope) if meets else back, state[END, q])
-        state[AT, q] = at if hit else onward
-        ended = 1 + HIT if hit else 1 + FREE if free else 1 + LOST if state[STEPS, q] >= most else 0
-        done[q] = ended if done[q] == 0 else done[q]
+        meets = gap <= last + free + epsilon
+        # the sphere beyond, once this one meets it
+        joins = meets & (at + free >= far - beyond)
+        rise, run = (beyond - radius, far - at) if joins else (radius - last, gap)
+        slope = rise / (run if run > TINY else TINY)
+        reached = far if joins else (at if meets else before)
+        within = beyond if joins else (free if meets else last)
+        far = INFINITE if joins else (far if meets else at)
+        beyond = beyond if meets else free
+        middle = HALF * (reached + within + far - beyond)
+        onward = reached + stride(within, slope)
+        onward = onward if meets & (onward < middle) else middle
+        onward = onward if onward < state[END, q] else state[END, q]
+        steps = state[STEPS, q] + ONE
+        hit = (radius < epsilon) & (meets | (state[ANY, q] > ZERO))
+        done = LOST_NOW if steps >= state[MOST, q] else ZERO
+        done = FREE_NOW if reached + within >= state[END, q] else done
+        done = HIT_NOW if hit else done
+        state[DONE, q] = done if state[DONE, q] == ZERO else state[DONE, q]
+        state[BEFORE, q] = reached
+        state[RADIUS, q] = within
+        state[FAR, q] = far
+        state[FAR_RADIUS, q] = beyond
+        state[STEPS, q] = steps
+        onward = at if hit else onward
+        state[AT, q] = onward
+        state[POINT, q] = state[ORIGIN, q] + onward * state[DIRECTION, q]
+        state[POINT + 1, q] = state[ORIGIN + 1, q] + onward * state[DIRECTION + 1, q]
+        state[POINT + 2, q] = state[ORIGIN + 2, q] + onward * state[DIRECTION + 2, q]
 
 
 @njit(nogil=True, cache=True)
 def gather(
-    function, low, high, settings, origins, radii, frames, turns, directions, rows,
+    function, low, high, settings, origins, radii, frames, turns, directions, rows, sums,
     flip_row, flip_column, flip_value, bands, counts, out,
 ):  # fmt: skip
     """Sums rows over the free directions of each point, turned to the world. `counts`: rays lost, steps walked."""
@@ -263,14 +294,23 @@ def gather(
         normals = np.ascontiguousarray(frames[block, :, 2])
         counts[1] += walk(
             function, low, high, settings, origins[block], radii[block], normals, world[: last - first], True,
-            ends, lengths,
+            ends.ravel(), lengths.ravel(),
         )  # fmt: skip
         for i in range(last - first):
             total[:] = 0
-            for j in range(many):
-                counts[0] += ends[i, j] == LOST
-                if ends[i, j] == FREE:
+            for j in range(0, many, LANES):
+                free = 0
+                for q in range(LANES):
+                    free += ends[i, j + q] == FREE
+                    counts[0] += ends[i, j + q] == LOST
+                if free == LANES:
                     for b in range(blocks):
                         for k in range(BLOCK):
-                            total[b, k] += rows[j, b, k]
+                            total[b, k] += sums[j // LANES, b, k]
+                elif free > 0:
+                    for q in range(j, j + LANES):
+                        if ends[i, q] == FREE:
+                            for b in range(blocks):
+                                for k in range(BLOCK):
+                                    total[b, k] += rows[q, b, k]
             to_world(total.ravel(), work, turns[first + i], flip_row, flip_column, flip_value, bands, out[first + i])

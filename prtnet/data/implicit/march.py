@@ -23,9 +23,9 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 
 # In unit lengths. See experiments/results/bench_implicit.csv for the error that each leaves.
-OFFSET = 1e-3
-EPSILON = 2e-4
-STEPS = 256
+OFFSET = 1e-4
+EPSILON = 5e-6
+STEPS = 512
 CELLS = 48  # of the grid in which the surface's box is looked for, along each axis
 
 
@@ -57,6 +57,7 @@ class MarchTracer:
         self.rays_traced = self.rays_lost = 0
         started = time.perf_counter()
         self._lanes = kernels.compiled(field.source())
+        self._functions = np.array([self._lanes.address, kernels.advance.address])
         seconds = time.perf_counter() - started
         self._settings = np.array([1 / field.lipschitz, epsilon, steps], np.float32)
         self._box = bounds(field, margin=2 * offset)
@@ -112,11 +113,11 @@ class MarchTracer:
 
         origins = np.ascontiguousarray(origins, np.float32)
         out = np.empty((len(origins), table.rows.shape[1]), np.float32)
-        _, rows, _ = table.packed(kernels.LANES, packets.LANES)
+        _, rows, sums = table.packed(kernels.LANES, packets.LANES)
         counts = np.zeros(2, np.int64)
         kernels.gather(
-            self._lanes.address, *self._box, self._settings, origins, self._distances(origins), sets.frames(turns),
-            turns, table.directions, rows, *table.flip, counts, out,
+            self._functions, *self._box, self._settings, origins, self._distances(origins), sets.frames(turns),
+            turns, table.directions, rows, sums, *table.flip, counts, out,
         )  # fmt: skip
         self.rays_lost += int(counts[0])
         return out
@@ -146,13 +147,13 @@ class MarchTracer:
         from prtnet.data.implicit import kernels
 
         origins, directions = (np.ascontiguousarray(each, np.float32) for each in (origins, directions))
-        ends, lengths = np.empty((len(origins), 1), np.uint8), np.empty((len(origins), 1), np.float32)
+        ends, lengths = np.empty(len(origins), np.uint8), np.empty(len(origins), np.float32)
         kernels.walk(
-            self._lanes.address, *self._box, self._settings, origins, self._distances(origins),
+            self._functions, *self._box, self._settings, origins, self._distances(origins),
             np.zeros_like(origins), directions[:, None], any_hit, ends, lengths,
         )  # fmt: skip
         self.rays_lost += int(np.sum(ends == kernels.LOST))
-        return ends[:, 0], lengths[:, 0]
+        return ends, lengths
 
 
 def evaluated(field: Field, points: Float[Array, "n 3"]) -> Float32[Array, " n"]:

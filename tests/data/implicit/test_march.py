@@ -35,7 +35,7 @@ def some_rays():
 def test_the_compiled_walk_ends_where_the_plain_one_does(field, tracer, some_rays):
     origins, towards = some_rays
     found, (_, _, length) = tracer.trace(origins, towards), tracer.hits(origins, towards)
-    plain = walked(field, origins.astype(np.float64), towards.astype(np.float64), epsilon=2e-4, steps=1024)
+    plain = walked(field, origins.astype(np.float64), towards.astype(np.float64), epsilon=5e-6, steps=2048)
     assert np.mean(found != np.isfinite(plain)) < 1e-3
     both = np.isfinite(plain) & np.isfinite(length)
     assert 0.1 < both.mean() < 0.9

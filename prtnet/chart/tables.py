@@ -91,7 +91,8 @@ COLUMNS = (
 EXPENDABLE = ("mae", "psnr_full", "clipped", "flip", "ms", "ssim", "psnr_worst")  # first to go from a table too wide
 LEGEND = (
     "PSNR (dB), SSIM, MAE, FLIP on covered pixels, mean of the views; worst: lowest view; frame: PSNR on the full "
-    "frame; time: over the baseline's (texture, or unshadowed where there is no atlas); MACs: multiply-adds per pixel; clipped: covered pixels with a negative channel; "
+    "frame; time: over texture's, or unshadowed's where there is no atlas; MACs: multiply-adds per pixel; "
+    "clipped: covered pixels with a negative channel; "
     "noise floor: a reference with another seed against itself. Exact has no spherical harmonics: traced against exact "
     "is the error of SH itself."
 )

@@ -32,9 +32,7 @@ class Tracer:
     Raises PrtnetError without embreex, and for kind=fused where that path is not available.
     """
 
-    def __init__(
-        self, scene: Scene, *, kind: str = "auto", width: int | None = None, offset: float | None = None
-    ):
+    def __init__(self, scene: Scene, *, kind: str = "auto", width: int | None = None, offset: float | None = None):
         if kind not in KINDS:
             raise PrtnetError(f"tracer: found kind {kind!r}, expected one of {', '.join(KINDS)}")
         self.frame = scene.frame

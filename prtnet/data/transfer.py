@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32
 from prtnet import PrtnetError
 from prtnet.data import directions as sets
 from prtnet.data.directions import Table
+from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import morton_order
 from prtnet.data.surface import Surface
 from prtnet.data.tracer import Tracer, to_world
@@ -31,7 +32,7 @@ LOG_SECONDS = 10.0
 
 
 def bake(
-    tracer: Tracer,
+    tracer: Tracer | MarchTracer,
     positions: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "n 3"],
     *,
@@ -126,7 +127,7 @@ def incident(
 
 
 def _over_points(
-    tracer: Tracer,
+    tracer: Tracer | MarchTracer,
     positions: np.ndarray,
     normals: np.ndarray,
     geometric_normals: np.ndarray | None,

@@ -16,6 +16,7 @@ from prtnet.render.deferred import DeferredMethod
 from prtnet.render.lit import LitTextureMethod
 from prtnet.render.marched import Drawing
 from prtnet.render.method import NetMethod, Shaded, TextureMethod
+from prtnet.render.raster import Raster
 from prtnet.render.unshadowed import UnshadowedMethod
 from prtnet.render.vertex import VertexMethod
 
@@ -39,13 +40,13 @@ def makers(
 ) -> dict[str, Callable[[], Drawn]]:
     """What makes each of `make_all` when it is called."""
     found: dict[str, Callable[[], Drawn]] = {}
-    if texture := baked.texture:
+    if (texture := baked.texture) and isinstance(drawing, Raster):
         found["texture"] = lambda: _texture(job, texture, drawing)
     if "unshadowed" in job.config.methods:
         found["unshadowed"] = lambda: _unshadowed(job, drawing)
     if mesh := baked.mesh:
         found["vertex"] = lambda: _vertex(job, mesh)
-    if lit := baked.lit:
+    if (lit := baked.lit) and isinstance(drawing, Raster):
         found["lit_texture"] = lambda: _lit_texture(job, lit, drawing)
     if (points := baked.points) and (net := trained) and (drawn := exported.drawn):
         found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
@@ -58,7 +59,7 @@ def _unshadowed(job: Job, drawing: Drawing) -> Drawn:
     return Drawn(shaded, lambda pixels: costs)
 
 
-def _texture(job: Job, baked: BakedTexture, drawing: Drawing) -> Drawn:
+def _texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     # with bounces a diffuse material needs no direct transfer
     fetched = 3 if job.groups == 4 and not job.material.glossy else job.groups
@@ -87,7 +88,7 @@ def _texture(job: Job, baked: BakedTexture, drawing: Drawing) -> Drawn:
     return Drawn(shaded, lambda pixels: costs)
 
 
-def _lit_texture(job: Job, baked: BakedTexture, drawing: Drawing) -> Drawn:
+def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
     options, count = job.config.atlas, sh.count(job.config.transfer.bands)
     shaded = LitTextureMethod(
         drawing,

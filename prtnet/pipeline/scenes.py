@@ -1,7 +1,7 @@
 """The scene of a job: triangles, and the surface that they follow where it is an implicit one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from prtnet import PrtnetError
@@ -17,6 +17,14 @@ MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "n
 MESH_BASELINE, IMPLICIT_BASELINE = "texture", "unshadowed"
 # of transfer.tracer: the surface itself
 MARCHED = "marched"
+# what implicit surfaces can have of the keys that may want an atlas
+ATLAS_FREE = {
+    "transfer.transport": ("shadowed", "unshadowed"),
+    "material.roughness": ("config",),
+    "train.texel_size": (0,),
+    "render.exact_samples": (0,),
+    "export.lightmap": (False,),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +81,13 @@ def _described(options: SceneOptions) -> Described:
 
 def _check_implicit(config: Config) -> None:
     """What needs triangles or an atlas."""
-    refused = {
-        "transfer.transport": (config.transfer.transport, "interreflected", "shadowed: bounces are looked up in an atlas"),
-        "material.roughness": (config.material.roughness, "file", "config"),
-    }
-    for key, (found, bad, expected) in refused.items():
-        if found == bad:
-            raise PrtnetError(f"{key}: found {found} on an implicit surface, expected {expected}")
-    for key, found in {"train.texel_size": config.train.texel_size, "render.exact_samples": config.render.exact_samples}.items():
-        if found:
-            raise PrtnetError(f"{key}: found {found} on an implicit surface, which has no atlas, expected 0")
-    if config.export.lightmap:
-        raise PrtnetError("export.lightmap: found true on an implicit surface, which has no atlas, expected false")
+    values = asdict(config)
+    for key, expected in ATLAS_FREE.items():
+        group, name = key.split(".")
+        found = values[group][name]
+        if found not in expected:
+            words = " or ".join(str(each) for each in expected)
+            raise PrtnetError(f"{key}: found {found} on an implicit surface, which has no atlas, expected {words}")
 
 
 def _triangles(config: Config) -> Scene:

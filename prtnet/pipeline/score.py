@@ -90,7 +90,8 @@ def _draw_and_score(
     exposure = score.exposure(frames["traced"], covered)
     times = _times(methods, views[0].camera, coefficients)
     pixels = float(np.mean([mask.sum() for mask in covered]))
-    pairs = [(name, "traced") for name in methods] + ([("net", "texture")] if {"net", "texture"} <= set(methods) else [])
+    pairs = [(name, "traced") for name in methods]
+    pairs += [("net", "texture")] if {"net", "texture"} <= set(methods) else []
     spent = {name: {"ms": each, "ms_ratio": each / times[job.baseline]} for name, each in times.items()}
     share = {"covered": float(np.mean([mask.mean() for mask in covered]))}
     costs = {name: method.costs(pixels) | spent[name] | _mesh(method) | share for name, method in methods.items()}

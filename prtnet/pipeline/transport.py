@@ -224,9 +224,7 @@ def _in_shards(
     return job.store.once(stage, inputs, bake)
 
 
-def _estimate(
-    job: Job, title: str, points: Samples, directions: int, times: int, tracer: Tracer | MarchTracer
-) -> None:
+def _estimate(job: Job, title: str, points: Samples, directions: int, times: int, tracer: Tracer | MarchTracer) -> None:
     threads = job.config.threads or transfer.cores()
     rate = threads * tracer.measure(points.positions, points.normals)
     count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)

@@ -99,9 +99,7 @@ def traced_view(job: Job, title: str, eye: Camera, gbuffer: GBuffer, *, announce
     inputs, points = _at(job, eye, gbuffer, repeat)
     directions = job.config.render.traced_directions
     rays = job.reference_tracer
-    baked = traced(
-        job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce, tracer=rays
-    )
+    baked = traced(job, "traced", inputs, points, directions, title=title, salt=repeat, announce=announce, tracer=rays)
     return baked.arrays["transfer"]
 
 

@@ -300,7 +300,7 @@ def test_without_a_net_nothing_is_trained(tmp_path):
     assert "net.safetensors" not in (tmp_path / "card.md").read_text()
 
 
-@pytest.mark.parametrize("methods", [["net"], ["texture", "voxels"], []])
+@pytest.mark.parametrize("methods", [["net"], ["texture", "voxels"]])
 def test_methods_are_checked(tmp_path, methods):
     with pytest.raises(PrtnetError, match=r"methods: found .*, expected texture and some of vertex, net"):
         run(config(tmp_path, methods=methods))

@@ -15,7 +15,7 @@ from prtnet.data.implicit.operators import (
     turned,
     union,
 )
-from prtnet.data.implicit.shapes import Shape, box, capsule, chain, cylinder, ellipsoid, sphere, torus
+from prtnet.data.implicit.shapes import Shape, box, capsule, chain, cylinder, ellipsoid, plane, sphere, torus
 from prtnet.data.implicit.surface import Described, described
 
 FISH = (0.15, 1.35, 0.15)
@@ -111,13 +111,14 @@ def _ripples() -> Shape:
 
 def _rock() -> Shape:
     arch = moved(turned(torus(0.5, 0.17), "x", 90), -0.75, 0.1, -0.75)
-    return union(
+    stones = union(
         arch,
         moved(ellipsoid(0.3, 0.24, 0.26), -1.22, 0.1, -0.62),
         moved(ellipsoid(0.34, 0.28, 0.3), -0.25, 0.1, -0.9),
         moved(ellipsoid(0.2, 0.14, 0.18), -1.15, 0.06, 0.5),
         smooth=0.15,
     )
+    return intersection(stones, plane((0, -1, 0), 0.06))
 
 
 def _coral() -> Shape:

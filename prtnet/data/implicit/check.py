@@ -8,7 +8,7 @@ import logging
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from prtnet import PrtnetError
 from prtnet.data.implicit.field import Field
@@ -45,13 +45,12 @@ def check(made: Described) -> None:
     points = low + (high - low) * rng.random((INSIDE, 3))
     faces = _faces(low, high)
     values, border = _finite(made, points), _finite(made, faces)
-    _refuse_outside(made, faces, border, size)
-    surface = _on_surface(made.field, points, values, made.field.lipschitz)
-    _refuse_empty(made, values, surface, points)
+    surface = _on_surface(made.field, points, values)
     within = np.all((surface >= low) & (surface <= high), axis=1)
+    _refuse_empty(made, points, values, surface, within)
+    _refuse_outside(made, faces, border, size)
     if not within.all():
-        where = surface[~within][0]
-        raise PrtnetError(f"{made.name}: {_outside(made, where)}")
+        raise PrtnetError(f"{made.name}: {_outside(made, surface[~within][0])}")
     # beside the surface, where rays start and slow down
     beside = surface + rng.normal(scale=0.02 * size, size=surface.shape)
     steepest = max(_secants(made, points, values, size, rng), _gradients(made, np.concatenate([surface, beside])))
@@ -60,19 +59,24 @@ def check(made: Described) -> None:
 
 
 def _refuse_empty(
-    made: Described, values: Float[Array, " n"], surface: Float[Array, "m 3"], points: Float[Array, "n 3"]
+    made: Described,
+    points: Float[Array, "n 3"],
+    values: Float[Array, " n"],
+    surface: Float[Array, "m 3"],
+    within: Bool[Array, " m"],
 ) -> None:
-    if len(surface) or (values.min() < 0 < values.max()):
+    if within.any() or values.min() < 0 < values.max():
         return
     if values.max() <= 0:
         raise PrtnetError(
-            f"{made.name}: found distances below 0 at all of {len(values)} points in the bounds, expected a surface: "
-            "distances are below 0 inside and above 0 outside"
+            f"{made.name}: found distances below 0 at all of {len(values)} points within the bounds, expected a "
+            "surface: they are below 0 inside and above 0 outside"
         )
-    nearest = int(np.abs(values).argmin())
+    nearest = int(values.argmin())
+    beyond = f"; there is one at {_word(surface[0])}: move the bounds" if len(surface) else ""
     raise PrtnetError(
-        f"{made.name}: found no surface within the bounds {made.low} to {made.high}: the least distance is "
-        f"{values[nearest]:.4g} at {_word(points[nearest])}, expected some below 0"
+        f"{made.name}: found no surface within the bounds {made.low} to {made.high}, where the least distance is "
+        f"{values[nearest]:.4g} at {_word(points[nearest])}, expected some below 0{beyond}"
     )
 
 
@@ -87,8 +91,9 @@ def _finite(made: Described, points: Float[Array, "n 3"]) -> Float[Array, " n"]:
         if wrong.any():
             where = at[np.flatnonzero(wrong)[0]]
             raise PrtnetError(
-                f"{made.name}: the {word} is no finite number at {np.count_nonzero(wrong)} of {len(at)} points, one of them "
-                f"{_word(where)}; expected one everywhere: look for square roots of what falls below 0, and divisions"
+                f"{made.name}: the {word} is no finite number at {np.count_nonzero(wrong)} of {len(at)} points, "
+                f"{_word(where)} for one; expected one everywhere: look for square roots of what falls below 0, and "
+                "divisions"
             )
     return values
 
@@ -106,8 +111,12 @@ def _faces(low: Float[Array, " 3"], high: Float[Array, " 3"]) -> Float[Array, "n
 
 
 def _refuse_outside(made: Described, faces: Float[Array, "n 3"], border: Float[Array, " n"], size: float) -> None:
-    # a whole box inside is another fault
-    if border.min() < -1e-9 * size and border.max() > 0:
+    if border.max() < 0:
+        raise PrtnetError(
+            f"{made.name}: found distances below 0 on all of the bounds {made.low} to {made.high}, expected them above "
+            "0: turn the sign round, or cut a room out of a box that lies within"
+        )
+    if border.min() < -1e-9 * size:
         raise PrtnetError(f"{made.name}: {_outside(made, faces[border.argmin()])}")
 
 
@@ -118,10 +127,9 @@ def _outside(made: Described, where: Float[Array, " 3"]) -> str:
     )
 
 
-def _on_surface(
-    field: Field, points: Float[Array, "n 3"], values: Float[Array, " n"], lipschitz: float
-) -> Float[Array, "m 3"]:
+def _on_surface(field: Field, points: Float[Array, "n 3"], values: Float[Array, " n"]) -> Float[Array, "m 3"]:
     """Points of the surface, from those that are nearest to it: Newton's steps along the gradient."""
+    lipschitz = field.lipschitz
     at = points[np.argsort(np.abs(values))[:NEAR]]
     for _ in range(STEPS):
         distance, slope = field.distance(at), field.gradient(at)

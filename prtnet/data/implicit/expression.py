@@ -80,6 +80,13 @@ class Node:
     def __rtruediv__(self, other: float) -> "Node":
         return apply("div", other, self)
 
+    def __pow__(self, exponent: int) -> "Node":
+        """By a whole number above 0."""
+        if not isinstance(exponent, int) or exponent < 1:
+            return NotImplemented
+        half = self ** (exponent // 2) if exponent > 1 else self
+        return half if exponent == 1 else half * half * self if exponent % 2 else half * half
+
     def __neg__(self) -> "Node":
         return apply("neg", self)
 

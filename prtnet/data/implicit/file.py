@@ -49,7 +49,7 @@ def _run(text: str, path: Path) -> dict[str, Any]:
         exec(compile(text, str(path), "exec"), names)
     except SyntaxError as error:
         raise PrtnetError(f"{path}:{error.lineno}: {error.msg}, expected Python") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _at_line(error, path) from None
     found = {key: value for key, value in names.items() if given.get(key) is not value}
     distance, surface = found.get("distance"), found.get("surface")
@@ -141,7 +141,7 @@ def _number(found: dict[str, Any], key: str, default: float, path: Path, *, leas
     return float(value)
 
 
-def _at_line(error: Exception, path: Path) -> PrtnetError:
+def _at_line(error: BaseException, path: Path) -> PrtnetError:
     """What went wrong in the user's file, with the last line of it on the way there."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     place = f"{path}:{lines[-1]}" if lines else str(path)

@@ -37,6 +37,13 @@ def test_numbers_are_those_of_numpy(points):
     np.testing.assert_allclose(Program([node]).evaluate(x, y, z)[0], expected, atol=1e-14)
 
 
+def test_powers_are_products(points):
+    for exponent in range(1, 8):
+        np.testing.assert_allclose(Program([X**exponent]).evaluate(*points.T)[0], points[:, 0] ** exponent)
+    with pytest.raises(TypeError):
+        X**0.5  # type: ignore[operator]
+
+
 def test_what_is_known_is_folded():
     assert Program([(X * 0 + 3) * e.constant(2)]).steps == [("constant", (), 6.0)]
     assert Program([X + Y * 1 + 0]).steps == Program([X + Y]).steps

@@ -38,6 +38,8 @@ def stand_ins(folder: Path) -> None:
     box.export(folder / "folder_of_parts" / "box.obj")
     image = oiio.ImageBuf(np.ones((8, 16, 3), np.float32))
     assert image.write(str(folder / "studio.hdr")), image.geterror()
+    (surface,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+    (folder / "bowl.yaml").write_text(surface, encoding="utf-8")
     (folder / "six_faces").mkdir()
     for name in ("px", "nx", "py", "ny", "pz", "nz"):
         image = oiio.ImageBuf(np.ones((8, 8, 3), np.float32))

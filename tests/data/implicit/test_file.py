@@ -1,14 +1,21 @@
 """What a user writes down is the surface that it says, and what is wrong is named with its place."""
 
+import inspect
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from prtnet import PrtnetError
 from prtnet.data.implicit import file
+from prtnet.data.implicit.arguments import JOINS, OPERATORS, SHAPES
+from prtnet.data.implicit.check import check
 from prtnet.data.implicit.operators import difference, moved, turned, union
 from prtnet.data.implicit.shapes import box, capsule, chain, sphere
 from tests.data.implicit.bounds import distances, points
 
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "implicit.md").read_text(encoding="utf-8")
 YAML = """
 name: bowl
 bounds: [[-1.2, -0.6, -1.2], [1.2, 1, 1.2]]
@@ -143,3 +150,19 @@ def test_files_that_are_none(tmp_path):
     (tmp_path / "bytes.py").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(PrtnetError, match="could not be read"):
         file.read(tmp_path / "bytes.py")
+
+
+@pytest.mark.parametrize(("language", "suffix"), [("yaml", ".yaml"), ("python", ".py")])
+def test_examples_of_the_documentation_are_surfaces(tmp_path, language, suffix):
+    for text in re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL):
+        check(file.read(written(tmp_path, text, suffix)))
+
+
+def test_the_documentation_names_every_shape_and_operator():
+    for name, function in (SHAPES | JOINS | OPERATORS).items():
+        usage = re.search(rf"^\| `{name}\((.*?)\)` \|", PAGE, re.MULTILINE)
+        assert usage, name
+        if name not in JOINS:
+            assert re.findall(r"(\w+)(?:=[^,]*(?:, [\d, ]+\))?)?(?:, |$)", usage[1]) == list(
+                inspect.signature(function).parameters
+            ), name

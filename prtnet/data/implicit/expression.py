@@ -9,6 +9,7 @@ of its derivatives by reverse accumulation (Griewank and Walther 2008, *Evaluati
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -225,18 +226,30 @@ class Program:
                 seen[id(node)] = self._number[step]
         return seen[id(root)]
 
+    @cached_property
+    def _spent(self) -> list[list[int]]:
+        """Per step the values that no later one needs: let go, the few that are alive stay in the cache."""
+        last = {each: index for index, (_, arguments, _) in enumerate(self.steps) for each in arguments}
+        spent: list[list[int]] = [[] for _ in self.steps]
+        for each, index in last.items():
+            if each not in self.results:
+                spent[index].append(each)
+        return spent
+
     def evaluate(self, x: Any, y: Any, z: Any, functions: Mapping[str, Callable[..., Any]] = NUMPY) -> tuple[Any, ...]:
         """The results at arrays of coordinates, by functions that have the names of `ARGUMENTS` (and `constant`, if a
         number is not to be one of Python's)."""
         given, values = {"x": x, "y": y, "z": z}, []
         number = functions.get("constant", float)
-        for operation, arguments, value in self.steps:
+        for (operation, arguments, value), spent in zip(self.steps, self._spent, strict=True):
             if operation in given:
                 values.append(given[operation])
             elif operation == "constant":
                 values.append(number(value))
             else:
                 values.append(functions[operation](*(values[each] for each in arguments)))
+            for each in spent:
+                values[each] = None
         return tuple(values[each] for each in self.results)
 
     def spelled(

@@ -7,6 +7,7 @@ it comes nearer to the surface than `epsilon`, and is free where it leaves the b
 import logging
 import time
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int32
@@ -14,6 +15,7 @@ from jaxtyping import Bool, Float, Float32, Int32
 from prtnet import PrtnetError
 from prtnet.data import directions as sets
 from prtnet.data.directions import Table
+from prtnet.data.implicit.compiled import compiled
 from prtnet.data.implicit.field import Field, unit_gradient
 from prtnet.data.samples import morton_order
 from prtnet.data.scene import IDENTITY, Frame
@@ -56,7 +58,7 @@ class MarchTracer:
         self.field, self.frame, self.offset = field, frame, offset
         self.rays_traced = self.rays_lost = 0
         started = time.perf_counter()
-        self._lanes = kernels.compiled(field.source())
+        self._lanes = compiled(field.source())
         self._functions = np.array([self._lanes.address, kernels.advance.address])
         seconds = time.perf_counter() - started
         self._settings = np.array([1 / field.lipschitz, epsilon, steps], np.float32)
@@ -140,7 +142,7 @@ class MarchTracer:
         return len(chosen) * len(table.directions) / (time.perf_counter() - started)
 
     def _distances(self, points: Float32[Array, "n 3"]) -> Float32[Array, " n"]:
-        return evaluated(self.field, points)
+        return _distances(self._lanes, points)
 
     def _walk(self, origins: Array, directions: Array, any_hit: bool) -> tuple[Array, Array]:
         """How rays end, and at what length."""
@@ -158,10 +160,14 @@ class MarchTracer:
 
 def evaluated(field: Field, points: Float[Array, "n 3"]) -> Float32[Array, " n"]:
     """The field at points (unit coordinates) by its compiled form, float32."""
+    return _distances(compiled(field.source()), np.ascontiguousarray(points, np.float32))
+
+
+def _distances(lanes: Any, points: Float32[Array, "n 3"]) -> Float32[Array, " n"]:
     from prtnet.data.implicit import kernels
 
     out = np.empty(len(points), np.float32)
-    kernels.distances(kernels.compiled(field.source()).address, np.ascontiguousarray(points, np.float32), out)
+    kernels.distances(lanes.address, points, out)
     return out
 
 

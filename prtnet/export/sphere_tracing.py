@@ -14,6 +14,9 @@ within a pixel; one that begins inside never has. Steps of Newton along the ray 
 the last one goes along the gradient, for rays that only come near. The plain twin is `prtnet.render.sphere_tracing`.
 """
 
+from prtnet import PrtnetError
+from prtnet.data.implicit.field import Analytic, Field
+from prtnet.export import implicit
 from prtnet.export.spelling import number
 
 BOX = 1.01  # half the side of the cube
@@ -63,7 +66,13 @@ bool prt_meet(vec2 across, out vec3 position, out vec3 normal) {{
 """
 
 
-def meet(lipschitz: float) -> str:
-    """The text of the uniforms and of `prt_meet`. `lipschitz`: the greatest slope of the distance."""
-    numbers = {"box": BOX, "near": NEAR, "least": LEAST, "grazing": GRAZING, "lipschitz": lipschitz}
-    return _UNIFORMS + _FUNCTION.format(**{name: number(value) for name, value in numbers.items()})
+def emit(field: Field) -> str:
+    """The text of the field's functions, the uniforms and `prt_meet`, for shaders of any version.
+
+    Raises PrtnetError for a field that has no GLSL form.
+    """
+    if not isinstance(field, Analytic):
+        raise PrtnetError(f"implicit surface: found a {type(field).__name__} field, expected one with a GLSL form")
+    numbers = {"box": BOX, "near": NEAR, "least": LEAST, "grazing": GRAZING, "lipschitz": field.lipschitz}
+    meet = _FUNCTION.format(**{name: number(value) for name, value in numbers.items()})
+    return implicit.emit(field) + _UNIFORMS + meet

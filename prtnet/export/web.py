@@ -1,4 +1,5 @@
-"""A scene as one HTML file that opens from disk: mesh, network, transfer texture and lights, drawn with WebGL 2.
+"""A scene as one HTML file that opens from disk: mesh, network, transfer texture and lights, drawn with WebGL 2; or the
+text of an implicit surface and the lobe of open points in place of mesh and texture.
 
 The page asks for nothing over the network and says so to the browser (a content security policy). All arrays are base64
 of gzip (`prtnet.export.packing`), everything else is JSON or HTML in which nothing of a scene's own words can be code.
@@ -19,10 +20,11 @@ from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, netspec, sh
 from prtnet.data.atlas import Atlas
+from prtnet.data.implicit.surface import Implicit
 from prtnet.data.texture import Page
-from prtnet.export import gloss
+from prtnet.export import gloss, unshadowed, web_content, web_surface
 from prtnet.export.packing import Block
-from prtnet.export.web_content import content, numbers
+from prtnet.export.web_content import numbers
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -30,9 +32,13 @@ Array = np.ndarray
 FOLDER = Path(__file__).parent / "web"
 # each after those it imports from
 MODULES = (
-    "unpack", "sh", "ball", "camera", "pointer", "device", "shaders", "model", "renderer", "certify", "viewer",
-    "controls", "main",
+    "unpack", "sh", "ball", "camera", "pointer", "device", "shaders", "model", "mesh", "implicit", "renderer",
+    "certify", "viewer", "controls", "main",
 )  # fmt: skip
+
+
+_EXPOSURES = "Exposures are those of the first view under each light; small bright lights ring in spherical harmonics."
+_NO_MESH = "Surface: sphere-traced in each pixel, with no triangles and no texture coordinates."
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +93,59 @@ def page(
     title: str | None = None,
     certificate: Certificate | None = None,
 ) -> str:
-    """The HTML. `atlas` is in unit coordinates, `pages` are its textures in float.
+    """The HTML of triangles. `atlas` is in unit coordinates, `pages` are its textures in float.
 
     `net_uv`, the place of each vertex in the atlas that the net was trained with, is for nets with texels, which need
     it; `storage` of the weights is `auto`, `literal` or `texture` (`prtnet.export.form`). Raises PrtnetError for too
     many bands for the shader and for what no WebGL 2 has to hold.
     """
+    about, blocks = web_content.content(net, atlas, pages, net_uv, storage)
+    shown = _Shown("texture", texture_cost, atlas.scene.name if title is None else title, _beside(pages))
+    return _page(net, shown, about, blocks, lights, look, _notes(atlas, pages), certificate)
+
+
+def surface_page(
+    net: NetSpec,
+    surface: Implicit,
+    *,
+    lights: Sequence[PageLight],
+    look: Look,
+    storage: str = "auto",
+    title: str | None = None,
+    certificate: Certificate | None = None,
+) -> str:
+    """The HTML of an implicit surface, which the page sphere-traces; the lobe of open points stands in place of a
+    texture. Parameters and errors as of `page`; nets with groups or texels are refused."""
+    about, blocks = web_surface.content(net, surface, storage)
+    cost, words = Cost(unshadowed.macs(net.bands), 0), "the same surface without shadows"
+    shown = _Shown("unshadowed", cost, surface.name if title is None else title, words)
+    return _page(net, shown, about, blocks, lights, look, [_NO_MESH, _EXPOSURES], certificate)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The method that stands beside the net, what the page is called, what the net is said to be beside."""
+
+    other: str
+    cost: Cost
+    title: str
+    beside: str
+
+
+def _page(
+    net: NetSpec,
+    shown: _Shown,
+    about: dict[str, Any],
+    blocks: Mapping[str, Block],
+    lights: Sequence[PageLight],
+    look: Look,
+    notes: Sequence[str],
+    certificate: Certificate | None,
+) -> str:
     certificate = certificate or Certificate()
-    about, blocks = content(net, atlas, pages, net_uv, storage)
-    title = atlas.scene.name if title is None else title
     about |= {
+        "blocks": {name: block.about() for name, block in blocks.items()},
+        "other": shown.other,
         "lights": [
             {"name": light.name, "coefficients": numbers(light.coefficients), "exposure": light.exposure}
             for light in lights
@@ -106,17 +155,20 @@ def page(
         "tint": look.tint,
         "costs": {
             "net": asdict(Cost(netspec.macs(net), netspec.byte_count(net))),
-            "texture": asdict(texture_cost),
+            shown.other: asdict(shown.cost),
             "diffuse": 3 * sh.count(net.bands),
             "gloss": gloss.macs(net.bands, "full"),
         },
         "certificate": certificate.measured,
         "unmeasured": certificate.reason,
     }
+    lead = f"Precomputed light transport in a network of {netspec.macs(net):,} multiply-adds, beside {shown.beside}."
     return _assembled(
-        title=html.escape(title),
-        lead=html.escape(_lead(net, pages)),
-        notes="".join(f"<li>{html.escape(note)}</li>" for note in [*_notes(atlas, pages), *certificate.notes]),
+        title=html.escape(shown.title),
+        other=shown.other,
+        Other=shown.other.capitalize(),
+        lead=html.escape(lead),
+        notes="".join(f"<li>{html.escape(note)}</li>" for note in [*notes, *certificate.notes]),
         about=as_json(about),
         blocks="\n".join(_element(name, block) for name, block in blocks.items()),
         style=_text("page.css"),
@@ -130,9 +182,9 @@ def as_json(values: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _lead(net: NetSpec, pages: Sequence[Page]) -> str:
+def _beside(pages: Sequence[Page]) -> str:
     sides = " + ".join(f"{len(each.used)}²" for each in pages[:3]) + (" + …" if len(pages) > 3 else "")
-    return f"Precomputed light transport in a network of {netspec.macs(net):,} multiply-adds, beside a {sides} texture."
+    return f"a {sides} texture"
 
 
 def _notes(atlas: Atlas, pages: Sequence[Page]) -> list[str]:
@@ -141,7 +193,7 @@ def _notes(atlas: Atlas, pages: Sequence[Page]) -> list[str]:
     notes = [
         f"Texture: {texels:,} texels in use, {coefficients} coefficients of 8 bits each, bilinear.",
         f"Mesh: {len(atlas.scene.faces):,} triangles, positions in 16 bits.",
-        "Exposures are those of the first view under each light; small bright lights ring in spherical harmonics.",
+        _EXPOSURES,
     ]
     if any(material.texture is not None for material in atlas.scene.materials):
         notes.append("Albedo textures are not in this file: each part has the mean of its own.")

@@ -33,33 +33,41 @@ def content(
     net: NetSpec, atlas: Atlas, pages: Sequence[Page], net_uv: Float[Array, "v 2"] | None, storage: str
 ) -> tuple[dict[str, Any], dict[str, Block]]:
     """What the page knows of net, mesh and textures, and the arrays. Parameters as of `prtnet.export.web.page`."""
-    chosen = Form("300 es", storage).of(net)
-    layers, count = quads(sh.count(net.bands)), sh.count(net.bands)
-    slots = [4 * layers * group + i for group in range(net.groups) for i in range(count)]
     mesh, blocks = _mesh(atlas)
-    textures, texture_blocks = _textures(pages, slots, 4 * layers * net.groups)
-    images, image_blocks = _images(net, chosen)
-    blocks |= texture_blocks | image_blocks
+    textures, texture_blocks = _textures(pages, _slots(net), 4 * net.groups * quads(sh.count(net.bands)))
+    about, net_blocks = net_content(net, storage, textures)
+    blocks |= texture_blocks | net_blocks
     if net.texels:
         blocks["net_uv"] = _coordinates(_checked_uv(atlas, net_uv))
-    blocks |= {"net": packing.pack_text(_function(net, chosen)), "gloss": packing.pack_text(gloss.full(net.bands))}
-    blocks["checks"] = _checks(net)
     firsts = np.searchsorted(np.sort(atlas.page_of_face), np.arange(len(pages) + 1)).tolist()
     for each, first, last in zip(textures, firsts[:-1], firsts[1:], strict=True):
         each |= {"first": first, "count": last - first}
+    return about | mesh | {"pages": textures}, blocks
+
+
+def net_content(net: NetSpec, storage: str, textures: list[dict[str, Any]]) -> tuple[dict[str, Any], dict[str, Block]]:
+    """What the page knows of the net, whatever it draws and beside which textures, and the arrays."""
+    chosen, layers = Form("300 es", storage).of(net), quads(sh.count(net.bands))
+    images, blocks = _images(net, chosen)
+    blocks |= {"net": packing.pack_text(_function(net, chosen)), "gloss": packing.pack_text(gloss.full(net.bands))}
+    blocks["checks"] = _checks(net)
     upright = sh.rotation_matrix(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), net.bands)
-    about = mesh | {
+    about = {
         "layers": layers,
         "groups": net.groups,
-        "slots": slots,
-        "pages": textures,
+        "slots": _slots(net),
         "images": images,
         "takes_uv": bool(net.texels),
         "upright": numbers(np.where(np.abs(upright) > 1e-12, upright, 0).ravel()),
         "needs": _needs(layers, net.groups, textures, images),
-        "blocks": {name: block.about() for name, block in blocks.items()},
     }
     return about, blocks
+
+
+def _slots(net: NetSpec) -> list[int]:
+    """The channels that coefficients fill, of groups that begin with a vector each."""
+    count = sh.count(net.bands)
+    return [4 * quads(count) * group + i for group in range(net.groups) for i in range(count)]
 
 
 def _checked_uv(atlas: Atlas, net_uv: Float[Array, "v 2"] | None) -> Float[Array, "v 2"]:
@@ -150,7 +158,7 @@ def _needs(layers: int, groups: int, textures: list[dict], images: list[dict]) -
     volumes = [max(each["size"]) for each in images if len(each["size"]) == 3]
     flats = [max(each["size"]) for each in images if len(each["size"]) == 2]
     return {
-        "MAX_TEXTURE_SIZE": max([*flats, *(each["side"] for each in textures)]),
+        "MAX_TEXTURE_SIZE": max([*flats, *(each["side"] for each in textures)], default=0),
         "MAX_3D_TEXTURE_SIZE": max(volumes, default=0),
         "MAX_ARRAY_TEXTURE_LAYERS": layers * groups,
         "MAX_TEXTURE_IMAGE_UNITS": 3 + len(images),

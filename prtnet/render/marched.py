@@ -15,10 +15,9 @@ from jaxtyping import Float32
 
 from prtnet import PrtnetError, gl
 from prtnet.data.implicit import project
-from prtnet.data.implicit.field import Analytic, Field, unit_gradient
+from prtnet.data.implicit.field import unit_gradient
 from prtnet.data.implicit.surface import Implicit
 from prtnet.data.scene import IDENTITY, Material, Scene
-from prtnet.export import implicit as functions
 from prtnet.export import sphere_tracing
 from prtnet.export.sphere_tracing import BOX, REFINEMENTS, STEPS
 from prtnet.render import reflectance
@@ -51,8 +50,8 @@ class Marched:
         self.scene = stand_in(implicit.name, implicit.materials)
         self._albedos = np.stack([material.albedo for material in implicit.materials]).astype(np.float32)
         self.resize(size, size)
-        text = _functions(implicit.field) + sphere_tracing.meet(implicit.field.lipschitz)
-        self._march = gl.program(gl.shader("fullscreen.vert.glsl"), text + gl.shader("march.frag.glsl"))
+        text = sphere_tracing.emit(implicit.field) + gl.shader("march.frag.glsl")
+        self._march = gl.program(gl.shader("fullscreen.vert.glsl"), text)
         self._marching = gl.context().vertex_array(self._march, [])
 
     def resize(self, width: int, height: int) -> None:
@@ -173,13 +172,6 @@ def stand_in(name: str, materials: Sequence[Material]) -> Scene:
         tuple(materials),
         IDENTITY,
     )
-
-
-def _functions(field: Field) -> str:
-    """The GLSL of a field."""
-    if isinstance(field, Analytic):
-        return functions.emit(field)
-    raise PrtnetError(f"implicit surface: found a {type(field).__name__} field, expected one with a GLSL form")
 
 
 Drawing = Raster | Marched

@@ -48,14 +48,19 @@ export class Orbit {
     return this.target.map((value, i) => value + this.distance * backward[i]);
   }
 
-  // Unit coordinates to clip coordinates, column by column. The field of view is that of the shorter side.
+  // Half the frame's width and height, seen from a distance of 1. The field of view is that of the shorter side.
+  halves(aspect) {
+    const half = Math.tan((this.fov * Math.PI) / 360);
+    return aspect > 1 ? [half * aspect, half] : [half, half / aspect];
+  }
+
+  // Unit coordinates to clip coordinates, column by column.
   matrix(aspect) {
     const { backward, across, upwards } = this.axes();
     const eye = this.eye();
     const far = Math.hypot(...eye) + 2;
     const near = Math.max(0.01, 0.02 * this.distance);
-    const scale = 1 / Math.tan((this.fov * Math.PI) / 360);
-    const [sx, sy] = aspect > 1 ? [scale / aspect, scale] : [scale, scale * aspect];
+    const [sx, sy] = this.halves(aspect).map((half) => 1 / half);
     const depth = [(near + far) / (near - far), (2 * near * far) / (near - far)];
     const dot = (axis) => -axis.reduce((sum, value, i) => sum + value * eye[i], 0);
     const rows = [

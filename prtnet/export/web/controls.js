@@ -3,7 +3,6 @@
 import { drawBall } from "./ball.js";
 import { listen } from "./pointer.js";
 
-const METHODS = ["net", "texture", "split", "error"];
 const byId = (id) => document.getElementById(id);
 
 export class Controls {
@@ -13,7 +12,7 @@ export class Controls {
     const { about } = viewer;
     about.lights.forEach(({ name }, i) => this.form.elements.light.add(new Option(name, i)));
     byId("net-bytes").textContent = kilo(about.costs.net.bytes);
-    byId("texture-bytes").textContent = kilo(about.costs.texture.bytes);
+    byId("other-bytes").textContent = kilo(about.costs[about.other].bytes);
     viewer.drawn = (took) => this.report(took);
     this.fill();
     this.form.addEventListener("input", (event) => this.read(event));
@@ -50,8 +49,9 @@ export class Controls {
     say("specular", state.specular.toFixed(2));
     say("exponent", state.exponent.toPrecision(3));
     const shading = about.costs.diffuse + (state.specular > 0 ? about.costs.gloss : 0);
-    for (const name of ["net", "texture"])
-      byId(`${name}-macs`).textContent = (about.costs[name].macs + shading).toLocaleString("en");
+    const macs = (name) => (about.costs[name].macs + shading).toLocaleString("en");
+    byId("net-macs").textContent = macs("net");
+    byId("other-macs").textContent = macs(about.other);
     const split = state.method === "split";
     for (const id of ["bar", "tag-left", "tag-right"]) byId(id).hidden = !split;
     byId("bar").style.left = `${100 * state.split}%`;
@@ -107,7 +107,7 @@ export class Controls {
       this.slide((event.clientX - left) / width);
     });
     byId("tag-left").textContent = "network";
-    byId("tag-right").textContent = "texture";
+    byId("tag-right").textContent = this.viewer.about.other;
   }
 
   slide(share) {
@@ -151,7 +151,7 @@ export class Controls {
       h: () => byId("help").showModal(),
       "?": () => byId("help").showModal(),
     };
-    METHODS.forEach((method, i) => (actions[i + 1] = () => this.choose(method)));
+    ["net", about.other, "split", "error"].forEach((method, i) => (actions[i + 1] = () => this.choose(method)));
     const action = actions[key.length === 1 ? key.toLowerCase() : key];
     if (action) action();
     return Boolean(action);
@@ -164,7 +164,8 @@ export class Controls {
 
   timed() {
     const found = this.viewer.time();
-    for (const name of ["net", "texture"]) byId(`${name}-ms`).textContent = found[name].toFixed(1);
+    byId("net-ms").textContent = found.net.toFixed(1);
+    byId("other-ms").textContent = found[this.viewer.about.other].toFixed(1);
   }
 }
 

@@ -1,5 +1,5 @@
-// Starts the page: unpacks, draws the texture at once and the network as soon as it is compiled, and survives the loss
-// of its context. `window.prtnet` is for tests and for whoever opens the console.
+// Starts the page: unpacks, draws what stands beside the network at once and the network as soon as it is compiled, and
+// survives the loss of its context. `window.prtnet` is for tests and for whoever opens the console.
 
 import { certify, evaluate } from "./certify.js";
 import { Controls } from "./controls.js";
@@ -69,7 +69,7 @@ async function start() {
   viewer.failed = refuse;
   guard(canvas, viewer);
   // few pixels, so that there is something to look at however slow the device is
-  viewer.state.method = "texture";
+  viewer.state.method = about.other;
   viewer.detail = 0.5;
   viewer.draw();
   const first = performance.now();

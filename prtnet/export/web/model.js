@@ -2,6 +2,9 @@
 
 import { layersOf, unpack } from "./unpack.js";
 
+// GLSL; the last two of implicit surfaces.
+const TEXTS = ["net", "gloss", "surface", "unshadowed"];
+
 // The header of the page, and its arrays as the renderer takes them. Blocks leave the document once they are read.
 export async function load(about) {
   if (typeof DecompressionStream === "undefined") {
@@ -16,19 +19,25 @@ export async function load(about) {
   const text = (name) => new TextDecoder().decode(blocks[name]);
   return {
     ...about,
-    functions: { net: text("net"), gloss: text("gloss") },
-    positions: widened(blocks.positions),
-    normals: blocks.normals,
-    uv: blocks.uv,
-    netUv: blocks.net_uv,
-    albedo: painted(blocks.part, about.parts),
-    faces: blocks.faces,
+    functions: Object.fromEntries(TEXTS.filter((name) => blocks[name]).map((name) => [name, text(name)])),
+    ...(blocks.faces ? mesh(blocks, about.parts) : {}),
     pages: about.pages.map((page, i) => ({
       ...page,
       images: layersOf(blocks[`mask${i}`], blocks[`texels${i}`], page.side, about.slots, about.layers * about.groups),
     })),
     images: about.images.map((image, i) => ({ ...image, values: blocks[`image${i}`] })),
     checks: checks(blocks.checks, about),
+  };
+}
+
+function mesh(blocks, parts) {
+  return {
+    positions: widened(blocks.positions),
+    normals: blocks.normals,
+    uv: blocks.uv,
+    netUv: blocks.net_uv,
+    albedo: painted(blocks.part, parts),
+    faces: blocks.faces,
   };
 }
 

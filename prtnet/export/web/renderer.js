@@ -1,8 +1,10 @@
-// WebGL 2: the mesh as surface points of pixels, then their colours by each method, split or compared. The points are
+// WebGL 2: the scene as surface points of pixels, then their colours by each method, split or compared. The points are
 // drawn again only for another view. Draws when told to, and never by itself.
 
 import { Refused, checkLimits } from "./device.js";
-import { DIFFERENCE, FRAME, SHOWN, VERTICES, method, points, surface } from "./shaders.js";
+import { Marched } from "./implicit.js";
+import { Mesh } from "./mesh.js";
+import { DIFFERENCE, FRAME, SHOWN, method, points } from "./shaders.js";
 
 const UNITS = {
   transfer_map: 0, places: 1, finishes: 2, net_places: 3, first: 3, second: 4, positions: 1, normals: 2, uvs: 3,
@@ -24,31 +26,11 @@ export class Renderer {
     this.programs = {};
     this.targets = {};
     this.seen = "";
-    this.mesh();
+    this.shape = this.model.functions.surface ? new Marched(this) : new Mesh(this);
     this.pages = this.model.pages.map((page) => this.transferMap(page));
     this.images = this.model.images.map((image) => this.image(image));
     gl.enable(gl.CULL_FACE);
     this.frame = gl.createVertexArray();
-  }
-
-  mesh() {
-    const { gl, model } = this;
-    this.vertices = gl.createVertexArray();
-    gl.bindVertexArray(this.vertices);
-    const attribute = (place, values, size, kind) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-      gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, size, kind, kind !== gl.FLOAT, 0, 0);
-    };
-    attribute(0, model.positions, 4, gl.UNSIGNED_SHORT);
-    attribute(1, model.normals, 2, gl.UNSIGNED_SHORT);
-    attribute(2, model.uv, 2, gl.UNSIGNED_SHORT);
-    attribute(3, model.albedo, 3, gl.FLOAT);
-    if (model.takes_uv) attribute(4, model.netUv, 2, gl.UNSIGNED_SHORT);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, model.faces, gl.STATIC_DRAW);
-    gl.bindVertexArray(null);
   }
 
   texture(kind, filter, fill) {
@@ -87,12 +69,12 @@ export class Renderer {
   program(name) {
     if (this.programs[name]) return this.programs[name];
     const texts = {
-      surface: () => [VERTICES, surface(this.model)],
+      surface: () => this.shape.texts(),
       shown: () => [FRAME, SHOWN],
       difference: () => [FRAME, DIFFERENCE],
       points: () => [FRAME, points(this.model)],
       net: () => [FRAME, method("net", this.model)],
-      texture: () => [FRAME, method("texture", this.model)],
+      [this.model.other]: () => [FRAME, method(this.model.other, this.model)],
     };
     const started = performance.now();
     const program = this.link(...texts[name]());
@@ -131,6 +113,7 @@ export class Renderer {
   // One frame. `view`: method, split (0 to 1), camera, eye, light, exposure, diffuse, specular, exponent, paint, paper.
   draw(view) {
     const { gl, canvas } = this;
+    const { other } = this.model;
     if (gl.isContextLost()) return;
     this.surface(view);
     const split = view.method === "split";
@@ -139,9 +122,9 @@ export class Renderer {
     const first = this.picture("first", () => {
       if (split) this.within(0, bar, () => this.shade("net", view));
       else this.shade(both ? "net" : view.method, view);
-      if (split) this.within(bar, canvas.width, () => this.shade("texture", view));
+      if (split) this.within(bar, canvas.width, () => this.shade(other, view));
     });
-    const pictures = both ? [first, this.picture("second", () => this.shade("texture", view))] : [first];
+    const pictures = both ? [first, this.picture("second", () => this.shade(other, view))] : [first];
     this.show(both ? "difference" : "shown", pictures, view.paper);
   }
 
@@ -179,7 +162,7 @@ export class Renderer {
     gl.clearBufferuiv(gl.COLOR, 0, [0, 0, 0, 0]);
   }
 
-  // Which point of the mesh each pixel shows, unless that is known.
+  // Which point of the scene each pixel shows, unless that is known.
   surface(view) {
     const { gl, canvas, model } = this;
     const seen = [canvas.width, canvas.height, ...view.camera].join();
@@ -189,18 +172,9 @@ export class Renderer {
     this.begin(frame);
     for (let i = 1; i < bits.length; ++i) gl.clearBufferuiv(gl.COLOR, i, [0, 0, 0, 0]);
     gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
-    gl.enable(gl.DEPTH_TEST);
     const made = this.program("surface");
     gl.useProgram(made.program);
-    gl.bindVertexArray(this.vertices);
-    this.put(made, "uniformMatrix4fv", "camera", false, view.camera);
-    this.put(made, "uniform3fv", "box_low", model.box.low);
-    this.put(made, "uniform3fv", "box_span", model.box.span);
-    model.pages.forEach((page, i) => {
-      this.put(made, "uniform1ui", "page", i);
-      gl.drawElements(gl.TRIANGLES, 3 * page.count, gl.UNSIGNED_INT, 12 * page.first);
-    });
-    gl.disable(gl.DEPTH_TEST);
+    this.shape.draw(made, view);
     this.seen = seen;
   }
 
@@ -216,7 +190,7 @@ export class Renderer {
     this.put(made, "uniform3fv", "specular", view.specular);
     this.put(made, "uniform4fv", "paint", view.paint);
     for (const key of ["exposure", "diffuse", "exponent"]) this.put(made, "uniform1f", key, view[key]);
-    if (name === "net") {
+    if (name !== "texture") {
       this.bindImages();
       gl.drawArrays(gl.TRIANGLES, 0, 3);
       return;

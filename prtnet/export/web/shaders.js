@@ -36,8 +36,21 @@ void main() {
 }
 `;
 
-// What each pixel shows, as bits in integers: every WebGL 2 can draw those, but not floats. Nets with texels have
-// coordinates of their own, those of the atlas that they were trained with.
+// What each pixel shows, as bits in integers: every WebGL 2 can draw those, but not floats.
+const WRITTEN = `
+layout(location = 0) out uvec4 place;
+layout(location = 1) out uvec4 finish;
+void write(vec3 position, vec3 normal, vec3 albedo, vec2 atlas_uv, uint page) {
+  vec3 n = normalize(normal);
+  vec2 flat_n = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+  if (n.z < 0.0) flat_n = (1.0 - abs(flat_n.yx)) * vec2(flat_n.x < 0.0 ? -1.0 : 1.0, flat_n.y < 0.0 ? -1.0 : 1.0);
+  place = uvec4(floatBitsToUint(position), packSnorm2x16(flat_n));
+  uint last = packHalf2x16(vec2(albedo.b, 0.0)) | (page + 1u) << 16;
+  finish = uvec4(floatBitsToUint(atlas_uv), packHalf2x16(albedo.rg), last);
+}
+`;
+
+// Of a mesh. Nets with texels have coordinates of their own, those of the atlas that they were trained with.
 export const surface = ({ takes_uv }) => `${HEAD}
 uniform uint page;
 in vec3 position;
@@ -45,22 +58,29 @@ in vec3 normal;
 in vec2 atlas_uv;
 in vec3 albedo;
 in vec2 net_uv;
-layout(location = 0) out uvec4 place;
-layout(location = 1) out uvec4 finish;
 ${takes_uv ? "layout(location = 2) out uvec2 net_place;" : ""}
+${WRITTEN}
 
 void main() {
-  vec3 n = normalize(normal);
-  vec2 flat_n = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
-  if (n.z < 0.0) flat_n = (1.0 - abs(flat_n.yx)) * vec2(flat_n.x < 0.0 ? -1.0 : 1.0, flat_n.y < 0.0 ? -1.0 : 1.0);
-  place = uvec4(floatBitsToUint(position), packSnorm2x16(flat_n));
-  uint last = packHalf2x16(vec2(albedo.b, 0.0)) | (page + 1u) << 16;
-  finish = uvec4(floatBitsToUint(atlas_uv), packHalf2x16(albedo.rg), last);
+  write(position, normal, albedo, atlas_uv, page);
   ${takes_uv ? "net_place = floatBitsToUint(net_uv);" : ""}
 }
 `;
 
-// The inverse of `surface`.
+// Of an implicit surface, whose functions prtnet wrote.
+export const marched = ({ functions, parts }) => `${HEAD}
+${functions.surface}
+uniform vec2 size;
+${WRITTEN}
+void main() {
+  const vec3 albedo[] = vec3[](${parts.map(({ albedo }) => `vec3(${albedo.map((value) => value.toFixed(9))})`).join(", ")});
+  vec3 position, normal;
+  if (!prt_meet(2.0 * gl_FragCoord.xy / size - 1.0, position, normal)) discard;
+  write(position, normal, albedo[prt_part(position)], vec2(0.0), 0u);
+}
+`;
+
+// The inverse of `write`.
 const PIXEL = `
 uniform highp usampler2D places, finishes, net_places;
 uint page_of(uvec4 finish) { return finish.w >> 16; }
@@ -126,19 +146,19 @@ function textureTransfer(count) {
   return lines.join("\n");
 }
 
-// The fragment shader of a method, `net` or `texture`: radiance to the eye, exposed, as sRGB in 16 bits.
+// The fragment shader of a method, `net`, `texture` or `unshadowed`: radiance to the eye, exposed, as sRGB in 16 bits.
 export function method(name, { layers, groups, functions, takes_uv }) {
   const all = names(layers * groups);
-  const net = name === "net";
-  const declared = net
-    ? functions.net
+  const computed = name !== "texture";
+  const declared = computed
+    ? functions[name]
     : `uniform sampler2DArray transfer_map;
 uniform vec4 transfer_scale[${all.length}], transfer_offset[${all.length}];
 uniform uint page;
 `;
-  const skipped = net ? "page_of(finish) == 0u" : "page_of(finish) != page + 1u";
+  const skipped = computed ? "page_of(finish) == 0u" : "page_of(finish) != page + 1u";
   const point = `position, n${takes_uv ? ", uintBitsToFloat(texelFetch(net_places, ivec2(gl_FragCoord.xy), 0).xy)" : ""}`;
-  const transfer = net ? `  prt_transfer(${point}, ${all.join(", ")});` : textureTransfer(all.length);
+  const transfer = computed ? `  prt_transfer(${point}, ${all.join(", ")});` : textureTransfer(all.length);
   return `${HEAD}
 uniform mat4x3 light[${layers}];
 uniform vec3 eye, specular;

@@ -109,6 +109,8 @@ export class Viewer {
       split: state.split,
       camera: orbit.matrix(width / height),
       eye: orbit.eye(),
+      axes: orbit.axes(),
+      halves: orbit.halves(width / height),
       light: this.packed,
       exposure: this.exposure,
       diffuse: state.diffuse,
@@ -127,10 +129,10 @@ export class Viewer {
 
   // Median milliseconds of a frame by each method, drawn in turns.
   time(repeats = 5) {
-    const taken = { net: [], texture: [] };
+    const taken = { net: [], [this.about.other]: [] };
     this.fit();
     for (let i = 0; i <= repeats; ++i)
-      for (const method of ["net", "texture"]) {
+      for (const method of Object.keys(taken)) {
         const started = performance.now();
         this.renderer.draw({ ...this.view(), method });
         this.renderer.finish();
@@ -139,7 +141,7 @@ export class Viewer {
       }
     this.changed();
     const median = (values) => values.sort((a, b) => a - b)[Math.floor(values.length / 2)];
-    return { net: median(taken.net), texture: median(taken.texture) };
+    return Object.fromEntries(Object.entries(taken).map(([method, values]) => [method, median(values)]));
   }
 
   // The frame as it is now: RGBA bytes, bottom row first.

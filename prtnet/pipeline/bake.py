@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, sh
-from prtnet.data import mipmap, samples, texture, transfer, vertex
+from prtnet.data import mipmap, samples, texture, vertex
 from prtnet.data.atlas import Atlas
-from prtnet.data.implicit import project
+from prtnet.data.implicit import accuracy, project
 from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
@@ -26,8 +26,6 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 
 CLEARANCE = 0.05  # in unit lengths (the scene is 2 long): less before a point than this and nobody looks at it
-# that tell how far rays against an implicit surface's mesh are from those through itself
-STRAYED_POINTS, STRAYED_RAYS = 2000, 512
 TEST_DIRECTIONS = 4  # times the training rays: the test set's noise is then half the training set's
 
 
@@ -117,27 +115,26 @@ def _net_points(job: Job, baked: BakedTexture | None) -> NetPoints:
         _point_set(job, purpose, points, options.test_count, rays * TEST_DIRECTIONS, baked, job.reference_tracer)
         for purpose, points in tested.items()
     )
-    return NetPoints(training, areas, others, _strayed(job, areas))
+    return NetPoints(training, areas, others, _strayed(job, tested["areas"]))
 
 
-def _strayed(job: Job, points: PointSet) -> float | None:
+def _strayed(job: Job, points: Samples) -> float | None:
     """How far transfer by rays against the mesh of an implicit surface is from that of the surface itself."""
-    if job.training_tracer is job.reference_tracer:
+    if not job.implicit or job.training_tracer is job.marched:
         return None
-    inputs = job.scene_key | {"points": points.key, "count": STRAYED_POINTS}
+    options = job.config
+    inputs = job.scene_key | {
+        "bands": options.transfer.bands,
+        "count": options.samples.test_count,
+        "seed": options.seed,
+    }
 
     def make() -> tuple[dict[str, Array], dict[str, float]]:
-        few = slice(0, STRAYED_POINTS)
-        where = points.positions[few].astype(np.float64), points.normals[few]
-        options: dict[str, Any] = {"bands": job.config.transfer.bands, "directions": STRAYED_RAYS}
-        quick, exact = (
-            transfer.bake(tracer, *where, rng=np.random.default_rng(0), **options).astype(np.float64)
-            for tracer in (job.training_tracer, job.reference_tracer)
-        )
-        return {}, {"strayed": float(np.sqrt(np.sum((quick - exact) ** 2) / np.sum(exact**2)))}
+        error = accuracy.measured_error(job.tracer, job.marched, points, bands=options.transfer.bands)
+        return {}, {"relative": error.relative}
 
-    strayed = job.store.make("strayed", inputs, make).facts["strayed"]
-    log.info("training rays against the mesh are %.2g of the coefficients from the surface itself", strayed)
+    strayed = job.store.make("strayed", inputs, make).facts["relative"]
+    log.info("rays against the mesh instead of the surface itself change coefficients by %.2f %%", 100 * strayed)
     return strayed
 
 

@@ -19,6 +19,7 @@ from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import Radiosity
 from prtnet.pipeline.views import View, drawing_of, reference_of, row_of, views_of
 from prtnet.render.camera import Camera
+from prtnet.render.marched import Marched
 from prtnet.render.vertex import VertexMethod
 
 log = logging.getLogger(__name__)
@@ -121,7 +122,9 @@ def _draw_and_score(
 
 
 def _mesh(method: Drawn) -> dict[str, int]:
-    """What is drawn, with both sides of two-sided faces, which have vertices of their own."""
+    """What is drawn, with both sides of two-sided faces, which have vertices of their own; nothing where no mesh is."""
+    if isinstance(method.shaded.raster, Marched):
+        return {}
     drawn = method.shaded.raster.scene
     return {"vertices": len(drawn.vertices), "triangles": len(drawn.faces)}
 

@@ -9,10 +9,10 @@ from prtnet.pipeline.job import open_job
 from tests.pipeline.test_pipeline import config
 
 BALL = """
-name: ball
+bounds: [[-1.1, -0.8, -1.1], [1.1, 0.8, 1.1]]
 parts:
-  plate: {colour: [0.6, 0.6, 0.6], shape: {moved: [{box: [1, 0.1, 1]}, 0, -0.5, 0]}}
-  ball: {colour: [0.8, 0.3, 0.2], shape: {sphere: [0.4]}}
+  plate: {albedo: [0.6, 0.6, 0.6], box: [1, 0.1, 1], moved: [0, -0.5, 0]}
+  ball: {albedo: [0.8, 0.3, 0.2], sphere: 0.4}
 """
 
 
@@ -31,7 +31,7 @@ def finished(tmp_path_factory, described):
 
 
 def settings(out, described, **changes):
-    return config(out, scene__path=str(described), sdf__resolution=48, **changes)
+    return config(out, scene__path=str(described), sdf__resolution=48, train__steps=300, **changes)
 
 
 def test_a_report_without_an_atlas(finished):

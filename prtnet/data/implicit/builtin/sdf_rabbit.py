@@ -32,7 +32,7 @@ def _fur() -> Shape:
         capsule((0, 0.55, -0.32), (0, 0.86, 0.12), 0.54, 0.42),
         moved(sphere(0.4), 0, 1.42, 0.42),
         capsule((0, 0.9, 0.15), (0, 1.3, 0.35), 0.38, 0.26),
-        smooth=0.15,
+        smooth=0.22,
     )
     sides = union(
         moved(turned(ellipsoid(0.26, 0.4, 0.46), "x", 20), 0.4, 0.42, -0.3),
@@ -66,7 +66,7 @@ def _pale() -> Shape:
 
 
 def _eyes() -> Shape:
-    return mirrored(moved(sphere(0.095), 0.28, 1.5, 0.68))
+    return mirrored(moved(sphere(0.095), 0.25, 1.49, 0.65))
 
 
 def _carrot() -> Shape:

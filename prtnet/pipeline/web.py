@@ -4,7 +4,9 @@ import hashlib
 import logging
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,6 @@ from prtnet import PrtnetError, console, netspec, score, sh, store
 from prtnet.data import atlas as atlases
 from prtnet.data import light as lights
 from prtnet.data import unwrap
-from prtnet.data.atlas import Atlas
 from prtnet.data.light import Light
 from prtnet.export import web
 from prtnet.export.browser import Browser, NoBrowser
@@ -23,11 +24,11 @@ from prtnet.netspec import NetSpec
 from prtnet.pipeline.bake import Baked, BakedTexture, bake_texture
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
-from prtnet.pipeline.views import cameras_of
+from prtnet.pipeline.views import cameras_of, drawing_of
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
+from prtnet.render.marched import Drawing
 from prtnet.render.material import Material
-from prtnet.render.raster import Raster
 from prtnet.render.verify import TOLERANCE
 
 log = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ FRAME = (960, 600)  # of the browser that measures
 
 def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | None = SIDE) -> Path:
     """Write page.html into the run folder. `side`: texels along one side of its texture, baked anew where the job's is
-    another; None takes the job's.
+    another; None takes the job's. Implicit surfaces have none.
 
     Raises PrtnetError, and leaves no page behind, where there is no net or a browser does not compute what NumPy does.
     """
@@ -49,24 +50,13 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     path.unlink(missing_ok=True)
     if trained is None:
         raise PrtnetError(f"web page: found methods {job.config.methods}, expected net among them")
-    if baked.texture is None:
-        raise PrtnetError("web page: found an implicit surface, which has no texture, expected triangles")
-    texture = _texture(job, baked.texture, side)
     eye = cameras_of(job)[0]
     look = _look(eye, job.material)
-    arguments: dict[str, Any] = {
-        "lights": _lights(job, baked.texture.atlas, trained.net, eye, look),
-        "look": look,
-        "texture_cost": _cost(job, texture),
-    }
-    atlas = texture.atlas
-    if trained.net.texels:
-        # the page's texture may have an atlas of its own, and the net knows that of its training
-        atlas, arguments["net_uv"] = atlases.joined(atlas, baked.texture.atlas)
+    lights = _lights(job, drawing_of(job, baked, EXPOSED_SIZE), trained.net, eye, look)
+    page = _of_triangles(job, baked.texture, trained.net, side) if baked.texture else _of_surface(job, trained.net)
 
     def made(certificate: Certificate) -> str:
-        found = replace(certificate, notes=_notes(job))
-        return web.page(trained.net, atlas, texture.pages, certificate=found, **arguments)
+        return page(lights=lights, look=look, certificate=replace(certificate, notes=_notes(job)))
 
     certificate = measured(job, made(Certificate(reason="not yet")))
     error = certificate.measured["error_max"] if certificate.measured else 0.0
@@ -79,6 +69,22 @@ def write_page(job: Job, baked: Baked, trained: Trained | None, *, side: int | N
     store.write_text(path, text)
     log.info("web page: %s, %s; %s", path, console.size(len(text.encode())), _words(certificate))
     return path
+
+
+def _of_triangles(job: Job, baked: BakedTexture, net: NetSpec, side: int | None) -> Callable[..., str]:
+    """`web.page` with its net, its mesh and its texture."""
+    texture = _texture(job, baked, side)
+    atlas, net_uv = texture.atlas, None
+    if net.texels:
+        # the page's texture may have an atlas of its own, and the net knows that of its training
+        atlas, net_uv = atlases.joined(atlas, baked.atlas)
+    return partial(web.page, net, atlas, texture.pages, texture_cost=_cost(job, texture), net_uv=net_uv)
+
+
+def _of_surface(job: Job, net: NetSpec) -> Callable[..., str]:
+    """`web.surface_page` with its net and its surface."""
+    assert job.implicit
+    return partial(web.surface_page, net, job.implicit)
 
 
 def measured(job: Job, text: str) -> Certificate:
@@ -117,7 +123,7 @@ def measure(page: Path) -> dict[str, Any]:
         times = found.evaluate("prtnet.viewer.time(3)")
         facts |= {"ready_seconds": round(ready, 2), "first_seconds": found.evaluate("prtnet.first_ms") / 1000}
         size = found.evaluate("[prtnet.renderer.canvas.width, prtnet.renderer.canvas.height]")
-        facts |= {"net_ms": times["net"], "texture_ms": times["texture"], "frame": size}
+        facts |= {f"{method}_ms": taken for method, taken in times.items()} | {"frame": size}
         facts["browser"] = found.send("Browser.getVersion")["product"]
     return facts
 
@@ -164,10 +170,10 @@ def _look(eye: Camera, material: Material) -> Look:
     )
 
 
-def _lights(job: Job, atlas: Atlas, net: NetSpec, eye: Camera, look: Look) -> list[PageLight]:
+def _lights(job: Job, drawing: Drawing, net: NetSpec, eye: Camera, look: Look) -> list[PageLight]:
     """The job's light, then those by formula, each with its exposure as in the score: 0.9 / P99 of what the net shows
-    in the first view, at the page's first material. `atlas` is that of the net's training."""
-    gbuffer = Raster(atlas, EXPOSED_SIZE).gbuffer(eye)
+    in the first view, at the page's first material."""
+    gbuffer = drawing.gbuffer(eye)
     transfer = netspec.evaluate_unit(net, gbuffer.positions.astype(np.float64), gbuffer.normals, uv=gbuffer.uv)
     specular = tuple(look.specular * value for value in look.tint)
     material = Material(look.diffuse, specular, look.exponent)

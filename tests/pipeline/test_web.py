@@ -11,12 +11,14 @@ from prtnet import PrtnetError, score
 from prtnet.export import browser, glsl, packing
 from prtnet.export.web import Certificate
 from prtnet.pipeline import web
-from prtnet.pipeline.bake import bake
+from prtnet.pipeline.bake import Baked, bake
 from prtnet.pipeline.job import open_job
-from prtnet.pipeline.train import train
+from prtnet.pipeline.train import Trained, train
+from prtnet.pipeline.views import cameras_of, drawing_of
 from prtnet.render import camera
 from prtnet.render.method import NetMethod
 from prtnet.render.raster import Raster
+from tests.nets import random_net
 from tests.pipeline.test_pipeline import config
 
 
@@ -72,6 +74,22 @@ def test_nets_with_texels_keep_the_atlas_of_their_training(tmp_path, no_browser)
     assert len(own) == len(page)
     with pytest.raises(PrtnetError, match=r"export.web_texture: found 16, expected more.*atlas.size"):
         web.write_page(job, baked, net, side=16)
+
+
+def test_a_surface_without_an_atlas_gets_a_page(tmp_path, no_browser):
+    """And exposures of what the page shows: those of the net drawn by rays."""
+    (tmp_path / "ball.yaml").write_text("name: ball\nparts: {ball: {sphere: 0.4, albedo: [0.8, 0.3, 0.2]}}\n")
+    options = {"methods": ["unshadowed", "net"], "scene__path": str(tmp_path / "ball.yaml"), "sdf__resolution": 32}
+    job = open_job(config(tmp_path / "run", **options), "", None)
+    baked, net = Baked(None, None, None, None), Trained("", random_net(width=8, depth=1, bands=3, residual=True), {})
+    found = about(web.write_page(job, baked, net))
+    assert "faces" not in found["blocks"]
+    assert [part["name"] for part in found["parts"]] == ["ball"]
+    assert len(found["lights"]) > 4
+    drawing = drawing_of(job, baked, web.EXPOSED_SIZE)
+    light, eye = found["lights"][0], cameras_of(job)[0]
+    image = NetMethod(drawing, glsl.emit(net.net)).draw(eye, np.asarray(light["coefficients"], np.float32))
+    assert light["exposure"] == pytest.approx(score.exposure([image], [(image != 0).any(axis=2)]), rel=0.01)
 
 
 def test_exposures_suit_the_first_view(trained, no_browser):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from prtnet import PrtnetError, gl, netspec, store
+from prtnet.clusters import save as save_clusters
 from prtnet.export import bundle, certificate, cuda_file, form, gltf, limits, texture_file, vertices
 from prtnet.export.bundle import Bundle
 from prtnet.export.form import Form
@@ -17,6 +18,7 @@ from prtnet.netspec import NetSpec
 from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.candidates import form_of
+from prtnet.pipeline.clusters import ClustersTrained
 from prtnet.pipeline.cuda import kernels
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.lightmap import write_lightmap
@@ -43,8 +45,8 @@ class Exported:
     drawn_by: str = drawn_by.SHADER  # or DEFERRED
 
 
-def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
-    """Write the net, its shaders, certificate.json and the files of the baselines into the run folder.
+def export(job: Job, baked: Baked, trained: Trained | None, clusters: ClustersTrained | None = None) -> Exported:
+    """Write the nets, their shaders, certificate.json and the files of the baselines into the run folder.
 
     Raises PrtnetError, and leaves nothing of the net behind, when an error is above its bound.
     """
@@ -52,6 +54,8 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
     _write_texture(job, baked.texture)
     if baked.mesh:
         _write_vertices(job, baked.mesh)
+    if clusters:
+        save_clusters(clusters.spec, job.out / "clusters")
     if job.config.export.lightmap:
         write_lightmap(job, baked.texture)
     if job.config.export.web:

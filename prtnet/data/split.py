@@ -9,7 +9,7 @@ from prtnet.data.scene import Scene
 
 Array = np.ndarray
 
-_CHUNK = 1 << 16
+CHUNK = 1 << 22  # weights of points in leaves that are held at a time
 # unit lengths between boxes that touch: cells as float32 is coarse, parts as things are modelled a hair above the floor
 _CELLS_TOUCH, _PARTS_TOUCH = 1e-6, 0.01
 
@@ -73,9 +73,9 @@ def by_count(positions: Float[Array, "n 3"], count: int) -> Split:
 
 def leaf_of(split: Split, positions: Float[Array, "n 3"], part: Int[Array, " n"]) -> Int[Array, " n"]:
     """The leaf in which each point lies."""
-    found = np.empty(len(positions), np.int64)
-    for start in range(0, len(positions), _CHUNK):
-        chunk = slice(start, start + _CHUNK)
+    found, size = np.empty(len(positions), np.int64), max(1, CHUNK // split.leaves)
+    for start in range(0, len(positions), size):
+        chunk = slice(start, start + size)
         found[chunk] = leaf_weights(split, 0.0, positions[chunk], part[chunk]).argmax(axis=1)
     return found
 

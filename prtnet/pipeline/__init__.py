@@ -24,7 +24,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     network = clusters = None
-    if baked.points and "clusters" in config.methods and last >= STAGES.index("train"):
+    if baked.points and "clusters" in config.methods and last >= STAGES.index("size"):
         from prtnet.pipeline.clusters import train_clusters
 
         clusters = train_clusters(job, baked.points, baked)

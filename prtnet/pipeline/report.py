@@ -33,6 +33,8 @@ FILES = {
     "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "transfer_vertices.glb": "the same mesh for other programs, transfer as attributes _PRT_0, _PRT_1, ...",
+    "clusters": "the networks of the clusters, for prtnet.clusters.load",
+    "clusters.md": "what the clusters are, why leaves were merged, what each network takes",
     "pictures": "the first view of each method as the display options of this run show it",
     "lobes.png": "transfer of four held-out points on the sphere: the truth, the net's, their difference",
     "score.json": "the scores below, for programs",

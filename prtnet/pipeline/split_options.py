@@ -1,5 +1,6 @@
 """What the options of clusters mean: whether they fit together, and the job's configuration for one cluster."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from prtnet.models.recipe import TrainOptions
 BY = ("grid", "parts", "count")
 BORDERS = ("clip", "assign")
 SELECTS = ("draw", "fragment")
+MOST = 1024  # leaves: the merge looks at all pairs of them
 
 
 def check(config: Config) -> None:
@@ -24,11 +26,12 @@ def check(config: Config) -> None:
         found = getattr(options, name)
         if found not in allowed:
             raise PrtnetError(f"split.{name}: found {found!r}, expected one of {', '.join(allowed)}")
-    if len(options.cells) != 3 or min(options.cells) < 1:
-        raise PrtnetError(f"split.cells: found {options.cells}, expected three numbers of at least 1")
+    if len(options.cells) != 3 or min(options.cells) < 1 or math.prod(options.cells) > MOST:
+        expected = f"three numbers of at least 1, and at most {MOST} cells"
+        raise PrtnetError(f"split.cells: found {options.cells}, expected {expected}")
     for name, found in (("count", options.count), ("networks", options.networks)):
-        if found is not None and found < 1:
-            raise PrtnetError(f"split.{name}: found {found}, expected at least 1")
+        if found is not None and not 1 <= found <= MOST:
+            raise PrtnetError(f"split.{name}: found {found}, expected 1 to {MOST}")
     if not 0 <= options.delta < 1:
         raise PrtnetError(f"split.delta: found {options.delta}, expected 0 to less than 1: the scene is 2 long")
     if options.quality is not None and not 0 <= options.quality <= 1:

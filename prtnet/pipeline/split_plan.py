@@ -17,8 +17,6 @@ from prtnet.pipeline.job import Job
 log = logging.getLogger(__name__)
 Array = np.ndarray
 
-_CHUNK = 1 << 16
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -54,9 +52,9 @@ def inside(job: Job, plan: Plan, points: PointSet) -> Bool[Array, "n c"]:
 
 
 def _inside(cut: Split, cluster: tuple[int, ...], delta: float, points: PointSet) -> Bool[Array, "n c"]:
-    found = np.empty((len(points.positions), max(cluster) + 1), bool)
-    for start in range(0, len(found), _CHUNK):
-        chunk = slice(start, start + _CHUNK)
+    found, size = np.empty((len(points.positions), max(cluster) + 1), bool), max(1, split.CHUNK // cut.leaves)
+    for start in range(0, len(found), size):
+        chunk = slice(start, start + size)
         found[chunk] = clusters.blend(cut, cluster, delta, points.positions[chunk], _part(points)[chunk]) > 0
     return found
 

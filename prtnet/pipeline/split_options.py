@@ -19,8 +19,6 @@ def check(config: Config) -> None:
     """Raises PrtnetError, naming the key, where the options of clusters mean nothing, before any work."""
     options = config.split
     if "clusters" not in config.methods:
-        if options.by != "none":
-            raise PrtnetError(f"split.by: found {options.by} with methods={config.methods}, expected clusters in them")
         return
     for name, allowed in (("by", BY), ("border", BORDERS), ("select", SELECTS)):
         found = getattr(options, name)
@@ -62,14 +60,16 @@ def of_one(config: Config, share: float) -> Config:
 
 
 def _scaled(train: TrainOptions, scale: float) -> TrainOptions:
-    """Fewer features: dense grids of fewer cells along each axis, tables of fewer entries, a power of two."""
+    """Fewer features: dense grids of fewer cells along each axis, tables of fewer entries, a power of two, for corners
+    that become fewer on surfaces, as the square of the cells along an axis does."""
     if scale == 1:
         return train
     cells = [[max(1, round(side * scale ** (1 / 3))) for side in grid] for grid in train.grid_cells]
     least, entries = recipe.HASH_ENTRIES[0], train.hash_entries
     while entries > least and entries > 1.5 * scale * train.hash_entries:
         entries //= 2
-    return replace(train, grid_cells=cells, hash_entries=entries)
+    hashed = [max(1, round(side * math.sqrt(scale))) for side in train.hash_cells]
+    return replace(train, grid_cells=cells, hash_cells=hashed, hash_entries=entries)
 
 
 def least_points(config: Config, outputs: int) -> int:

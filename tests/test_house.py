@@ -15,7 +15,7 @@ ROWS = [
     {"data"},
     {"models", "export"},
     {"render"},
-    {"score"},
+    {"score", "seam"},
     {"size"},
     {"view"},
     {"chart"},

@@ -10,6 +10,7 @@ The file, clusters.json, stands in a folder beside the nets it names (docs/net-f
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -155,14 +156,30 @@ def evaluate_unit(
 ) -> Float[Array, "n k"]:
     """Transfer at unit positions with unit normals: the blend of the nets whose weight is above 0. `sums` as in
     `netspec.evaluate_unit`."""
+
+    def one(index: int, own: Array, turned: Array) -> Array:
+        return netspec.evaluate_unit(spec.nets[index], own, turned, sums)
+
+    return blended(spec, positions, normals, one, part).astype(np.result_type(positions, np.float32), copy=False)
+
+
+def blended(
+    spec: ClusterSpec,
+    positions: Float[Array, "n 3"],
+    normals: Float[Array, "n 3"],
+    evaluate: Callable[[int, Array, Array], Array],
+    part: Int[Array, " n"] | None = None,
+) -> Float64[Array, "n k"]:
+    """`evaluate_unit` with each net evaluated by a function of its index, positions in its own cube, and normals."""
     share = weights(spec, positions, part)
     out = np.zeros((len(positions), spec.nets[0].groups * sh.count(spec.nets[0].bands)))
-    for index, net in enumerate(spec.nets):
+    for index in range(len(spec.nets)):
         seen = share[:, index] > 0
-        centre, scale = own_frame(spec, index)
-        own = (np.asarray(positions[seen], np.float64) - centre) * scale
-        out[seen] += share[seen, index, None] * netspec.evaluate_unit(net, own, normals[seen], sums)
-    return out.astype(np.result_type(positions, np.float32), copy=False)
+        if seen.any():
+            centre, scale = own_frame(spec, index)
+            own = (np.asarray(positions[seen], np.float64) - centre) * scale
+            out[seen] += share[seen, index, None] * evaluate(index, own, normals[seen])
+    return out
 
 
 def macs(spec: ClusterSpec, share: Float[Array, "n c"]) -> Int[Array, " n"]:

@@ -160,18 +160,19 @@ def evaluate_unit(
     def one(index: int, own: Array, turned: Array) -> Array:
         return netspec.evaluate_unit(spec.nets[index], own, turned, sums)
 
-    return blended(spec, positions, normals, one, part).astype(np.result_type(positions, np.float32), copy=False)
+    share = weights(spec, positions, part)
+    return blended(spec, share, positions, normals, one).astype(np.result_type(positions, np.float32), copy=False)
 
 
 def blended(
     spec: ClusterSpec,
+    share: Float[Array, "n c"],
     positions: Float[Array, "n 3"],
     normals: Float[Array, "n 3"],
     evaluate: Callable[[int, Array, Array], Array],
-    part: Int[Array, " n"] | None = None,
 ) -> Float64[Array, "n k"]:
-    """`evaluate_unit` with each net evaluated by a function of its index, positions in its own cube, and normals."""
-    share = weights(spec, positions, part)
+    """`evaluate_unit` by weights that are known, each net by a function of its index, positions in its own cube, and
+    normals."""
     out = np.zeros((len(positions), spec.nets[0].groups * sh.count(spec.nets[0].bands)))
     for index in range(len(spec.nets)):
         seen = share[:, index] > 0

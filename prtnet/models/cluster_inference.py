@@ -1,7 +1,7 @@
 """Several nets that share one scene, evaluated in torch: the fast twin of `clusters.evaluate_unit`."""
 
 import numpy as np
-from jaxtyping import Float, Float64, Int
+from jaxtyping import Float, Float64
 
 from prtnet import clusters
 from prtnet.clusters import ClusterSpec
@@ -17,9 +17,9 @@ class ClusterInference:
         self.spec, self._nets = spec, [Inference(net, device) for net in spec.nets]
 
     def __call__(
-        self, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], part: Int[Array, " n"] | None = None
-    ) -> Float64[Array, "n c"]:
-        """The blended transfer at unit positions with unit normals, where the scene is split by parts of these."""
+        self, share: Float[Array, "n c"], positions: Float[Array, "n 3"], normals: Float[Array, "n 3"]
+    ) -> Float64[Array, "n k"]:
+        """Their blend by these weights at unit positions with unit normals."""
         return clusters.blended(
-            self.spec, positions, normals, lambda index, own, turned: self._nets[index](own, turned), part
+            self.spec, share, positions, normals, lambda index, own, turned: self._nets[index](own, turned)
         )

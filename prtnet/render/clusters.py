@@ -8,7 +8,7 @@ belongs to the cluster of its centroid and nothing is blended (`assign`), so tha
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float64
 
 from prtnet import clusters
 from prtnet.clusters import ClusterSpec, Split
@@ -107,12 +107,20 @@ def stack_method(raster: Raster, spec: ClusterSpec, stack: Stack, *, material: M
 class DeferredClusters(DeferredMethod):
     """All nets in torch, each at the covered pixels where its weight is above 0."""
 
-    def __init__(self, raster: Raster, spec: ClusterSpec, *, material: Material = DIFFUSE):
+    def __init__(self, raster: Raster, spec: ClusterSpec, *, material: Material = DIFFUSE, border: str = "clip"):
         super().__init__(raster, spec.nets[0], material=material)
-        self._blend = ClusterInference(spec)
+        self._blend, self._border = ClusterInference(spec), border
 
     def _transfer(self, gbuffer: GBuffer) -> Float[Array, "n c"]:
-        return self._blend(gbuffer.positions, gbuffer.normals, gbuffer.part)
+        share = shares(self._blend.spec, self.raster.scene, gbuffer, self._border)
+        return self._blend(share, gbuffer.positions, gbuffer.normals)
+
+
+def shares(spec: ClusterSpec, scene: Scene, gbuffer: GBuffer, border: str) -> Float64[Array, "n c"]:
+    """The weights of the clusters at the covered pixels of a view."""
+    if border == "assign":
+        return faces_of(spec, scene, border)[:, gbuffer.face].T.astype(np.float64)
+    return clusters.weights(spec, gbuffer.positions, gbuffer.part)
 
 
 def faces_of(spec: ClusterSpec, scene: Scene, border: str) -> Bool[Array, "c f"]:

@@ -162,6 +162,8 @@ def test_clipped_borders_are_smooth_and_assigned_ones_follow_the_mesh(raster):
     by_part = ClusterSpec(Split(parts=3), (0, 1, 2), 0.0, spec.nets)
     transfer = clusters.evaluate_unit(by_part, found.positions, found.normals, owner)
     assert_alike(assigned, shade(found, transfer, light_of()))
+    deferred = DeferredClusters(raster, spec, border="assign").draw(EYE, light_of())
+    np.testing.assert_allclose(deferred, assigned, atol=1e-3 * np.abs(assigned).max())
 
 
 def test_parts_have_clusters_of_their_own(raster):

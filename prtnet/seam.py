@@ -3,11 +3,11 @@
 The error of a method is its picture less the reference, both as they are compared (`score.tone_map`). A pair of
 neighbouring pixels that show one surface straddles a border where their clusters differ. Of every border
 
-    ratio = mean |difference of errors| across it / the same of pairs beside it that lie within one of the two clusters
+    ratio = mean |difference of errors| across it / the same of the pairs beside it
 
-A picture that knows nothing of the clusters has about 1 everywhere: whatever makes errors rough, and the noise of the
-reference, is in both means. A step at the border adds to the first alone. `beside` is near the border in the picture
-(`REACH`), so that both means see the same shadows at the same size of pixel.
+that is, of those within one of the two clusters among the REACH next pairs along the same row or column, each pair of
+the border with its own. A picture that knows nothing of the clusters has about 1 everywhere: whatever makes errors
+rough, and the noise of the reference, is in both means. A step at the border adds to the first alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,10 +20,10 @@ from jaxtyping import Bool, Float, Int
 from prtnet import PrtnetError
 
 Array = np.ndarray
-Pairs = Int[Array, "2 _"]  # pixels, row * width + column
+Key = tuple[int, int]
 
-REACH = 12  # pixels around the pairs of a border in which those beside it are looked for
-FEWEST = 24  # pairs on either side of the ratio: less of a border is too little to tell
+REACH = 6  # pairs to either side of a border that are beside it
+FEWEST = 24  # pairs of a border over all views: less of one is too little to tell
 STEEPEST = 0.5  # sine between a surface and the way to its next pixel: more is another surface
 TURN = 0.8  # cosine between the normals of two pixels: less is an edge
 LEAST = 1e-6  # of the mean jump inside, of tone-mapped values: only keeps 0 / 0 from arising, and gives 1 there
@@ -42,7 +42,7 @@ class Surface:
 class Border:
     """Between two clusters, over all views."""
 
-    clusters: tuple[int, int]
+    clusters: Key
     pairs: int
     across: float  # mean absolute difference of errors of neighbours, tone-mapped
     beside: float
@@ -79,73 +79,64 @@ def measure(errors: Mapping[str, Sequence[Float[Array, "h w 3"]]], views: Sequen
         found, expected = [each.shape[:2] for each in images], [each.cluster.shape for each in views]
         if found != expected:
             raise PrtnetError(f"seams of {name}: found images of {found}, expected {expected}")
-    places = [_borders(view) for view in views]
-    return {name: _seams(images, places) for name, images in errors.items()}
+    # rows, and columns as the rows of turned images
+    lines = [(index, turned, _Lines(view, turned)) for index, view in enumerate(views) for turned in (False, True)]
+    made = {}
+    for name, images in errors.items():
+        sums: dict[Key, Array] = {}
+        for index, turned, each in lines:
+            image = np.asarray(images[index], np.float64)
+            for key, values in each.sums(image.transpose(1, 0, 2) if turned else image).items():
+                sums[key] = sums.get(key, 0) + values
+        made[name] = Seams(tuple(_border(key, *sums[key]) for key in sorted(sums) if sums[key][0] >= FEWEST))
+    return made
 
 
-def neighbours(view: Surface) -> Pairs:
-    """Pairs of pixels, side by side or one above the other, that show one surface without an edge between them."""
-    index = np.arange(view.cluster.size).reshape(view.cluster.shape)
-    pairs = [np.stack([index[:, :-1].ravel(), index[:, 1:].ravel()]), np.stack([index[:-1].ravel(), index[1:].ravel()])]
-    first, second = np.concatenate(pairs, axis=1)
-    shown = (view.cluster.ravel()[first] >= 0) & (view.cluster.ravel()[second] >= 0)
-    return np.stack([first, second])[:, shown][:, _joined(view, first[shown], second[shown])]
+def _border(key: Key, pairs: float, across: float, beside: float) -> Border:
+    across, beside = across / pairs, beside / pairs
+    return Border(key, int(pairs), across, beside, (across + LEAST) / (beside + LEAST))
 
 
-def _joined(view: Surface, first: Int[Array, " n"], second: Int[Array, " n"]) -> Bool[Array, " n"]:
-    """A step from a pixel to the next that leaves the surface leads to another one, however far."""
-    positions, normals = view.positions.reshape(-1, 3).astype(np.float64), view.normals.reshape(-1, 3)
-    step = positions[second] - positions[first]
-    length = np.linalg.norm(step, axis=1)
-    straight = np.sum(normals[first] * normals[second], axis=1) >= TURN
-    for end in (first, second):
-        straight &= np.abs(np.sum(normals[end] * step, axis=1)) <= STEEPEST * length
+class _Lines:
+    """The borders that the rows of a view cross, and what is beside them. Pair c of a row: its pixels c and c + 1."""
+
+    def __init__(self, view: Surface, turned: bool):
+        cluster = view.cluster.T if turned else view.cluster
+        low, high = np.minimum(cluster[:, :-1], cluster[:, 1:]), np.maximum(cluster[:, :-1], cluster[:, 1:])
+        joined = joined_pairs(view, turned) & (low >= 0)
+        self._row, self._column = np.nonzero(joined & (low < high))
+        self._keys = np.stack([low, high], axis=-1)[self._row, self._column]
+        steps = [step for step in range(-REACH, REACH + 1) if step]
+        # (pair of a border, step): which pair of the row, and whether it counts
+        self._next = np.clip(self._column[:, None] + steps, 0, max(low.shape[1] - 1, 0))
+        row = self._row[:, None]
+        own = cluster[row, self._next]
+        self._counts = joined[row, self._next] & (low == high)[row, self._next]
+        self._counts &= (own == self._keys[:, :1]) | (own == self._keys[:, 1:])
+        self._counts &= self._next == self._column[:, None] + steps
+
+    def sums(self, error: Float[Array, "h w 3"]) -> dict[Key, Float[Array, " 3"]]:
+        """By border: how many pairs have some beside them, their jumps, and the mean jumps beside each, summed."""
+        jump = np.abs(np.diff(error, axis=1)).mean(axis=2)
+        count = self._counts.sum(axis=1)
+        known, found = count > 0, {}
+        around = (jump[self._row[:, None], self._next] * self._counts).sum(axis=1)[known] / count[known]
+        across, keys = jump[self._row, self._column][known], self._keys[known]
+        for key in np.unique(keys, axis=0):
+            here = (keys == key).all(axis=1)
+            found[int(key[0]), int(key[1])] = np.array([here.sum(), across[here].sum(), around[here].sum()])
+        return found
+
+
+def joined_pairs(view: Surface, turned: bool) -> Bool[Array, "_ _"]:
+    """Which neighbours in a row, or, `turned`, in a column, show one surface without an edge between them: a step from
+    a pixel to the next that leaves the surface leads to another one, however far."""
+    positions, normals = (np.asarray(each, np.float64) for each in (view.positions, view.normals))
+    if turned:
+        positions, normals = positions.transpose(1, 0, 2), normals.transpose(1, 0, 2)
+    step = np.diff(positions, axis=1)
+    length = np.linalg.norm(step, axis=2)
+    straight = np.sum(normals[:, :-1] * normals[:, 1:], axis=2) >= TURN
+    for end in (normals[:, :-1], normals[:, 1:]):
+        straight &= np.abs(np.sum(end * step, axis=2)) <= STEEPEST * length
     return straight
-
-
-def _borders(view: Surface) -> dict[tuple[int, int], tuple[Pairs, Pairs]]:
-    """By the clusters of a border: the pairs across it, and those beside it."""
-    pairs, cluster = neighbours(view), view.cluster.ravel()
-    low, high = np.sort(cluster[pairs], axis=0)
-    found = {}
-    for a, b in np.unique(np.stack([low, high])[:, low < high], axis=1).T:
-        across = pairs[:, (low == a) & (high == b)]
-        near = _grown(across, view.cluster.shape).ravel()
-        inside = (low == high) & ((low == a) | (low == b)) & near[pairs].all(axis=0)
-        found[int(a), int(b)] = (across, pairs[:, inside])
-    return found
-
-
-def _grown(pairs: Pairs, shape: tuple[int, ...]) -> Bool[Array, "h w"]:
-    """Pixels within REACH of one of these, along rows and columns."""
-    near = np.zeros(shape, bool)
-    near.ravel()[pairs.ravel()] = True
-    for axis in (0, 1):
-        room = [(REACH + 1, REACH) if each == axis else (0, 0) for each in (0, 1)]
-        sums = np.cumsum(np.pad(near, room), axis=axis)
-        last = np.take(sums, np.arange(2 * REACH + 1, sums.shape[axis]), axis=axis)
-        near = last > np.take(sums, np.arange(shape[axis]), axis=axis)
-    return near
-
-
-def _seams(images: Sequence[Array], places: Sequence[Mapping[tuple[int, int], tuple[Pairs, Pairs]]]) -> Seams:
-    found = []
-    for clusters in sorted({clusters for place in places for clusters in place}):
-        seen = [(image, place[clusters]) for image, place in zip(images, places, strict=True) if clusters in place]
-        jumps = [np.concatenate([_jumps(image, pairs[side]) for image, pairs in seen], axis=1) for side in (0, 1)]
-        means = [[each[0, each[1] == turn] for turn in (0, 1)] for each in jumps]
-        # errors may change along one axis alone: pairs are held against those of the same direction
-        alike = [(across, beside) for across, beside in zip(*means, strict=True) if len(across) and len(beside)]
-        pairs = sum(len(across) for across, _ in alike)
-        if pairs < FEWEST or sum(len(beside) for _, beside in alike) < FEWEST:
-            continue
-        across = float(sum(each.sum() for each, _ in alike)) / pairs
-        beside = float(sum(len(each) * other.mean() for each, other in alike)) / pairs
-        found.append(Border(clusters, pairs, across, beside, (across + LEAST) / (beside + LEAST)))
-    return Seams(tuple(found))
-
-
-def _jumps(image: Float[Array, "h w 3"], pairs: Pairs) -> Float[Array, "2 _"]:
-    """Of each pair: the difference, mean of the channels; 1 where one pixel is below the other."""
-    flat = image.reshape(-1, 3).astype(np.float64)
-    return np.stack([np.abs(flat[pairs[1]] - flat[pairs[0]]).mean(axis=1), pairs[1] - pairs[0] > 1])

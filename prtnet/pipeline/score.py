@@ -15,12 +15,14 @@ from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
+from prtnet.pipeline.seams import seams, surfaces
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import Radiosity
 from prtnet.pipeline.views import View, reference_of, row_of, views_of
 from prtnet.render.camera import Camera
 from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
+from prtnet.seam import Surface
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -36,7 +38,9 @@ UNSCORED = ("tone", "bloom", "highlights", "pictures", "net")
 class Scored:
     key: str
     rows: list[score.Row]
-    frames: Mapping[str, Array]  # method -> tone-mapped "views h w 3" of the shown views; "covered" -> their masks
+    frames: Mapping[
+        str, Array
+    ]  # method -> tone-mapped "views h w 3" of the shown views; "covered" -> their masks; "cluster" too
     facts: Mapping[str, Any]
 
 
@@ -60,13 +64,15 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "camera": job.config.scene.camera,
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
         "columns": list(score.KEYS),
+        **({"clusters": exported.clusters.key} if exported.clusters else {}),
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         drawing = Raster(baked.texture.atlas, job.config.render.size)
         views = add_exact(job, views_of(job, drawing, coefficients, baked.texture.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
-        return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity)
+        places = surfaces(job, exported.clusters.spec, drawing, views) if exported.clusters else []
+        return _draw_and_score(job, methods, views, coefficients, baked.texture.radiosity, places)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]
@@ -74,7 +80,12 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
 
 def _draw_and_score(
-    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array, radiosity: Radiosity | None
+    job: Job,
+    methods: Mapping[str, Drawn],
+    views: list[View],
+    coefficients: Array,
+    radiosity: Radiosity | None,
+    places: list[Surface],
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     for method in methods.values():
         if isinstance(method.shaded, VertexMethod):
@@ -111,11 +122,13 @@ def _draw_and_score(
         for name, images in frames.items()
     }
     kept["covered"] = np.stack([covered[view] for view in shown])
+    kept |= {"cluster": np.stack([places[view].cluster for view in shown])} if places else {}
     facts = {
         "rows": [asdict(row) for row in rows],
         "exposure": exposure,
         **share,
         "shown_views": shown.tolist(),
+        **({"seams": seams(places, frames, exposure, list(methods))} if places else {}),
     }
     return kept, facts
 

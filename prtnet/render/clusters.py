@@ -107,20 +107,32 @@ def stack_method(raster: Raster, spec: ClusterSpec, stack: Stack, *, material: M
 class DeferredClusters(DeferredMethod):
     """All nets in torch, each at the covered pixels where its weight is above 0."""
 
-    def __init__(self, raster: Raster, spec: ClusterSpec, *, material: Material = DIFFUSE, border: str = "clip"):
+    def __init__(
+        self,
+        raster: Raster,
+        spec: ClusterSpec,
+        *,
+        material: Material = DIFFUSE,
+        border: str = "clip",
+        select: str = "draw",
+    ):
         super().__init__(raster, spec.nets[0], material=material)
-        self._blend, self._border = ClusterInference(spec), border
+        self._blend, self._words = ClusterInference(spec), (border, select)
 
     def _transfer(self, gbuffer: GBuffer) -> Float[Array, "n c"]:
-        share = shares(self._blend.spec, self.raster.scene, gbuffer, self._border)
+        share = shares(self._blend.spec, self.raster.scene, gbuffer, *self._words)
         return self._blend(share, gbuffer.positions, gbuffer.normals)
 
 
-def shares(spec: ClusterSpec, scene: Scene, gbuffer: GBuffer, border: str) -> Float64[Array, "n c"]:
-    """The weights of the clusters at the covered pixels of a view."""
-    if border == "assign":
+def shares(
+    spec: ClusterSpec, scene: Scene, gbuffer: GBuffer, border: str, select: str = "draw"
+) -> Float64[Array, "n c"]:
+    """The weights of the clusters at the covered pixels of a view. Without blending there is one, that of the triangle,
+    or, where one program has all nets, the greatest."""
+    if border == "assign" and select == "draw":
         return faces_of(spec, scene, border)[:, gbuffer.face].T.astype(np.float64)
-    return clusters.weights(spec, gbuffer.positions, gbuffer.part)
+    found = clusters.weights(spec, gbuffer.positions, gbuffer.part)
+    return found if border == "clip" else np.eye(len(spec.nets))[found.argmax(axis=1)]
 
 
 def faces_of(spec: ClusterSpec, scene: Scene, border: str) -> Bool[Array, "c f"]:

@@ -5,6 +5,7 @@ clusters.glsl        prt_cluster_weights and prt_cluster_position
 transfer_00.glsl     prt_transfer of each network, of positions in the cluster's own cube; transfer_00.bin: the image of
                      its weight texture, where it has one
 stack.glsl           with split.select=fragment: all networks as one prt_transfer of the scene's positions; stack.bin
+00/transfer.cu       with export.cuda: the kernels of each network, and transfer_cuda.bin, the numbers that they read
 certificate.json     the error of each against NumPy, and checksums
 """
 
@@ -20,16 +21,16 @@ from jaxtyping import Float
 
 from prtnet import PrtnetError, clusters, store
 from prtnet.clusters import ClusterSpec
-from prtnet.export import certificate, form
+from prtnet.export import certificate, cuda_file, form
 from prtnet.export import clusters as spelt
 from prtnet.export.bundle import Bundle
 from prtnet.export.clusters import Stack
-from prtnet.pipeline import drawn_by
+from prtnet.pipeline import cuda, drawn_by
 from prtnet.pipeline.bake import NetPoints, PointSet
 from prtnet.pipeline.candidates import form_of
 from prtnet.pipeline.clusters import ClustersTrained
 from prtnet.pipeline.job import Job
-from prtnet.render import cluster_check, verify
+from prtnet.render import certify, cluster_check, verify
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -54,6 +55,7 @@ def export_clusters(job: Job, points: NetPoints, trained: ClustersTrained) -> Cl
     """Write the folder. Raises PrtnetError, and leaves nothing of it behind, when an error is above its bound."""
     folder, options = job.out / FOLDER, job.config.split
     try:
+        _check(job)
         made = [drawn_by.shaders(net, form_of(job.config)) for net in trained.spec.nets]
         bundles = tuple(each for each, _ in made)
         spec = replace(trained.spec, nets=tuple(each.net for each in bundles))
@@ -62,18 +64,19 @@ def export_clusters(job: Job, points: NetPoints, trained: ClustersTrained) -> Cl
             stack = spelt.stacked(trained.spec, bundles[0].form, drawn_by.driver(), blended=options.border == "clip")
         measured = _measured(job, points.areas, trained, spec, bundles, stack)
         certificate.refuse(measured["errors"])
+        in_cuda, kernels = _kernels(job, trained)
     except PrtnetError:
         _remove(folder)
         raise
     _remove(folder)
     clusters.save(trained.spec, folder)
     files = _files(spec, bundles, stack)
-    for name, data in files.items():
+    for name, data in (files | kernels).items():
         store.write_bytes(folder / name, data)
     each = [{"net": certificate.of_net(net)} for net in trained.spec.nets]
     facts = {"clusters": each, "form": asdict(bundles[0].form), "select": options.select, "border": options.border}
-    facts |= measured
-    written = [clusters.FILE, *files, *(path.name for path in sorted(folder.glob("net_*.safetensors")))]
+    facts |= measured | in_cuda
+    written = [clusters.FILE, *files, *kernels, *(path.name for path in sorted(folder.glob("net_*.safetensors")))]
     certificate.write(folder, facts, written)
     words = "; ".join(f"{what} {each['max']:.1e}" for what, each in measured["errors"].items())
     log.info("export: %d clusters in %s; errors at most: %s", len(bundles), folder, words)
@@ -81,6 +84,11 @@ def export_clusters(job: Job, points: NetPoints, trained: ClustersTrained) -> Cl
     by = drawn_by.chosen(job.config.render.net, largest)
     key = store.content_key({"trained": trained.key, "files": _digest(files), "by": by, "border": options.border})
     return ClustersExported(spec, bundles, stack, by, key, trained.facts)
+
+
+def _check(job: Job) -> None:
+    if job.config.export.storage == "ubo":
+        raise PrtnetError("export.storage: found ubo with the method clusters, expected auto, literal or texture")
 
 
 def _files(spec: ClusterSpec, made: tuple[Bundle, ...], stack: Stack | None) -> dict[str, bytes]:
@@ -94,13 +102,27 @@ def _files(spec: ClusterSpec, made: tuple[Bundle, ...], stack: Stack | None) -> 
     return files
 
 
+def _kernels(job: Job, trained: ClustersTrained) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The entry `cuda` of a certificate, a list, and the files; both empty where none are wanted."""
+    if not job.config.export.cuda:
+        return {}, {}
+    entries, found = [], {}
+    for index, (net, facts) in enumerate(zip(trained.spec.nets, trained.facts["clusters"], strict=True)):
+        points = certify.Points(*verify.random_points(CHECKED_IN_TEXTURES, job.rng("export")), None)
+        entry, files = cuda.measured(job, net, facts["key"], CHECKED_IN_TEXTURES, lambda points=points: points)
+        entries.append(entry)
+        found |= {f"{index:02d}/{name}": data for name, data in files.items()}
+    return {"cuda": entries}, found
+
+
 def _digest(files: Mapping[str, bytes]) -> str:
     return hashlib.sha256(b"".join(files[name] for name in sorted(files))).hexdigest()
 
 
 def _remove(folder: Path) -> None:
     """An earlier export: its certificate first."""
-    names = [path.name for kind in ("*.glsl", "*.bin", "net_*.safetensors") for path in folder.glob(kind)]
+    kinds = ("*.glsl", "*.bin", "net_*.safetensors", *(f"[0-9][0-9]/{name}" for name in cuda_file.NAMES))
+    names = [str(path.relative_to(folder)) for kind in kinds for path in folder.glob(kind)]
     certificate.remove(folder, [clusters.FILE, *names])
 
 

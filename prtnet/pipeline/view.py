@@ -55,7 +55,7 @@ def lights_of(job: Job) -> dict[str, Light]:
 
 def state_of(job: Job, first: Camera, lights: Mapping[str, Light]) -> State:
     """The first view of the job's path in its material and light, by its net where it has one."""
-    methods = [name for name in ("texture", "vertex", "net") if name in job.config.methods]
+    methods = [name for name in ("texture", "vertex", "net", "clusters") if name in job.config.methods]
     return State(
         Orbit.of(first),
         methods,

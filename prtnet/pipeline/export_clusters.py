@@ -55,7 +55,6 @@ def export_clusters(job: Job, points: NetPoints, trained: ClustersTrained) -> Cl
     """Write the folder. Raises PrtnetError, and leaves nothing of it behind, when an error is above its bound."""
     folder, options = job.out / FOLDER, job.config.split
     try:
-        _check(job)
         made = [drawn_by.shaders(net, form_of(job.config)) for net in trained.spec.nets]
         bundles = tuple(each for each, _ in made)
         spec = replace(trained.spec, nets=tuple(each.net for each in bundles))
@@ -84,11 +83,6 @@ def export_clusters(job: Job, points: NetPoints, trained: ClustersTrained) -> Cl
     by = drawn_by.chosen(job.config.render.net, largest)
     key = store.content_key({"trained": trained.key, "files": _digest(files), "by": by, "border": options.border})
     return ClustersExported(spec, bundles, stack, by, key, trained.facts)
-
-
-def _check(job: Job) -> None:
-    if job.config.export.storage == "ubo":
-        raise PrtnetError("export.storage: found ubo with the method clusters, expected auto, literal or texture")
 
 
 def _files(spec: ClusterSpec, made: tuple[Bundle, ...], stack: Stack | None) -> dict[str, bytes]:
@@ -121,7 +115,7 @@ def _digest(files: Mapping[str, bytes]) -> str:
 
 def _remove(folder: Path) -> None:
     """An earlier export: its certificate first."""
-    kinds = ("*.glsl", "*.bin", "net_*.safetensors", *(f"[0-9][0-9]/{name}" for name in cuda_file.NAMES))
+    kinds = ("*.glsl", "*.bin", "net_*.safetensors", *(f"[0-9]*/{name}" for name in cuda_file.NAMES))
     names = [str(path.relative_to(folder)) for kind in kinds for path in folder.glob(kind)]
     certificate.remove(folder, [clusters.FILE, *names])
 

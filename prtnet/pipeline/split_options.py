@@ -41,10 +41,21 @@ def check(config: Config) -> None:
             f"train.texel_size: found {config.train.texel_size} with the method clusters, expected 0: texels are one"
             " image over the whole scene"
         )
-    if sized(config) and options.select == "fragment":
+    _check_drawing(config)
+
+
+def _check_drawing(config: Config) -> None:
+    if config.export.storage == "ubo":
+        raise PrtnetError("export.storage: found ubo with the method clusters, expected auto, literal or texture")
+    if config.split.select == "fragment" and sized(config):
         raise PrtnetError(
             "split.select: found fragment with a size for each cluster, expected split.select=draw: networks in one"
             " texture are of one size"
+        )
+    if config.split.select == "fragment" and config.split.by == "parts":
+        raise PrtnetError(
+            "split.select: found fragment with split.by=parts, expected split.select=draw: a fragment does not know its"
+            " part"
         )
 
 

@@ -100,6 +100,14 @@ def test_kernels_are_written_and_measured(drawn, tmp_path):
         assert all(each["errors"]["coefficients"]["max"] <= verify.TOLERANCE for each in facts["cuda"])
 
 
-def test_uniform_blocks_are_refused(drawn, tmp_path):
-    with pytest.raises(PrtnetError, match=r"export.storage: found ubo with the method clusters, expected"):
-        again(drawn, tmp_path, stages=["export"], export__storage="ubo")
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"export__storage": "ubo"}, r"export.storage: found ubo with the method clusters, expected"),
+        ({"split__by": "parts", "split__select": "fragment"}, r"split.select: found fragment with split.by=parts"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_before_any_work(changes, message, tmp_path):
+    with pytest.raises(PrtnetError, match=message):
+        run(config(tmp_path, stages=["export"], **changes))
+    assert not (tmp_path / "cache").exists()

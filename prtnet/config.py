@@ -12,7 +12,7 @@ from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
 STAGES = ("bake", "size", "train", "export", "score", "view")
-METHODS = ("texture", "vertex", "net", "lit_texture", "unshadowed")
+METHODS = ("texture", "vertex", "net", "clusters", "lit_texture", "unshadowed")
 
 
 @dataclass
@@ -146,6 +146,26 @@ class SizeOptions:
 
 
 @dataclass
+class SplitOptions:
+    """Of the method clusters: the scene in clusters with a network each, all of the size and recipe of the job's."""
+
+    by: str = "none"  # grid: equal cells of the scene's box; parts: the file's own; count: so many of the same area
+    cells: list[int] = field(default_factory=lambda: [2, 1, 2])  # of grid: along x, y, z
+    count: int = 4  # of count
+    # half the width of the blend at a border, in unit lengths (the scene is 2 long); points within it train both sides
+    delta: float = 0.04
+    # neighbours whose transfer is alike are merged until so many networks are left, or until the next merge would raise
+    # the variance of the transfer within clusters by more than this share of the total; neither: nothing is merged
+    networks: int | None = None
+    quality: float | None = None
+    # features of a network's grids, as a share of those of the recipe: 0.25 in 4 clusters makes as many as one net has
+    grid_scale: float = 1.0
+    size: bool = False  # each the smallest that meets size.target_psnr in its own pixels; so does the stage size
+    border: str = "clip"  # triangles across a border are cut there, or assign: drawn by the cluster of their middle
+    select: str = "draw"  # a shader for each cluster, or fragment: one whose weights are looked up in a texture
+
+
+@dataclass
 class Config:
     scene: SceneOptions = field(default_factory=SceneOptions)
     sdf: SdfOptions = field(default_factory=SdfOptions)
@@ -160,11 +180,13 @@ class Config:
     render: RenderOptions = field(default_factory=RenderOptions)
     export: ExportOptions = field(default_factory=ExportOptions)
     size: SizeOptions = field(default_factory=SizeOptions)
+    split: SplitOptions = field(default_factory=SplitOptions)
     # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named;
     # view, a window, needs what export does
     stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage not in ("size", "view")])
-    # texture, vertex, net, unshadowed (the lobe of the normal alone), lit_texture (with bounces); none named: the first
-    # three, and on implicit surfaces, which have no atlas and no vertices, unshadowed and net
+    # texture, vertex, net, clusters (of a split scene), unshadowed (the lobe of the normal alone), lit_texture (with
+    # bounces); none named: the first three, and on implicit surfaces, which have no atlas and no vertices, unshadowed
+    # and net
     methods: list[str] = field(default_factory=list)
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out

@@ -265,10 +265,10 @@ def versions() -> dict[str, str | None]:
     return found | {"machine": platform.machine()}
 
 
-def rows_to_json(rows: Iterable[Row], versions: Mapping[str, str | None]) -> str:
-    """Strict JSON, {"rows": [...], "versions": {...}}: a number that is not finite is written as null."""
+def rows_to_json(rows: Iterable[Row], versions: Mapping[str, str | None], **more: Any) -> str:
+    """Strict JSON, {"rows": [...], "versions": {...}} and more: a number that is not finite is written as null."""
     plain = [{name: _plain(value) for name, value in asdict(each).items()} for each in rows]
-    return json.dumps({"rows": plain, "versions": dict(versions)}, indent=1, allow_nan=False) + "\n"
+    return json.dumps({"rows": plain, "versions": dict(versions), **more}, indent=1, allow_nan=False) + "\n"
 
 
 def _plain(value: Any) -> Any:
@@ -276,9 +276,9 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write(path: Path, rows: Iterable[Row], versions: Mapping[str, str | None]) -> None:
+def write(path: Path, rows: Iterable[Row], versions: Mapping[str, str | None], **more: Any) -> None:
     """Write a score file, atomically. Inverse of `read`."""
-    store.write_text(path, rows_to_json(rows, versions))
+    store.write_text(path, rows_to_json(rows, versions, **more))
 
 
 def read(path: Path) -> tuple[list[Row], dict[str, str | None]]:

@@ -11,11 +11,11 @@ PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
 
 # a module may import what stands in its own row or above
 ROWS = [
-    {"__init__", "sh", "encoding", "netspec", "store", "gl", "console"},
+    {"__init__", "sh", "encoding", "netspec", "clusters", "store", "gl", "console"},
     {"data"},
     {"models", "export"},
     {"render"},
-    {"score"},
+    {"score", "seam"},
     {"size"},
     {"view"},
     {"chart"},

@@ -49,13 +49,15 @@ def emit(
     return transfer(net, Form(version, storage, precision, digits), target)
 
 
-def transfer(net: NetSpec, wanted: Form, target: Limits | None = None) -> str:
-    """`emit` with its options as one."""
+def transfer(
+    net: NetSpec, wanted: Form, target: Limits | None = None, *, name: str = "prt_transfer", stack: int = 1
+) -> str:
+    """`emit` with its options as one, and the function's name. `stack`: as `hidden` has it."""
     target = target or limits.MINIMUM[wanted.version]
     chosen = wanted.of(net)
     outputs = ", ".join(f"out vec4 t{i}" for i in range(vectors(net)))
-    lines = [f"void prt_transfer({parameters(net)}, {outputs}) {{"]
-    lines += [f"  {line}" for line in _body(form.rounded(net, chosen), chosen, target)]
+    lines = [f"void {name}({parameters(net)}, {outputs}) {{"]
+    lines += [f"  {line}" for line in _body(form.rounded(net, chosen), chosen, target, stack)]
     return written(net, chosen, target, lines)
 
 
@@ -229,10 +231,10 @@ def _activation(net: NetSpec) -> str:
     return f"return x / (1.0 + exp(min(-({argument}), vec4(80.0))));"
 
 
-def _body(net: NetSpec, chosen: Form, target: Limits) -> Iterator[str]:
+def _body(net: NetSpec, chosen: Form, target: Limits, stack: int) -> Iterator[str]:
     """Statements that fill t0, t1, ... from the point."""
     names: list[str] = []
-    yield from hidden(net, chosen, target, len(net.weights), names)
+    yield from hidden(net, chosen, target, len(net.weights), names, stack)
     if net.output_scale != 1:
         names = [f"{number(net.output_scale)} * {name}" for name in names]
     if net.residual:
@@ -243,16 +245,17 @@ def _body(net: NetSpec, chosen: Form, target: Limits) -> Iterator[str]:
         yield f"t{i} = {expression};"
 
 
-def hidden(net: NetSpec, chosen: Form, target: Limits, count: int, names: list[str]) -> Iterator[str]:
-    """Statements after which `names` has what leaves layer `count`, as vec4s."""
+def hidden(net: NetSpec, chosen: Form, target: Limits, count: int, names: list[str], stack: int = 1) -> Iterator[str]:
+    """Statements after which `names` has what leaves layer `count`, as vec4s. `stack`: of so many nets of these sizes,
+    whose textures are joined, the one that `spelling.CHOSEN` says."""
     for letter, frequencies in (("position", net.position_frequencies), ("normal", net.normal_frequencies)):
         yield from _encoding(letter, frequencies if net.encoding != "identity" else 0, names)
-    yield from grid.statements(net, names)
-    yield from hash_grid.statements(net, names)
+    yield from grid.statements(net, names, stack)
+    yield from hash_grid.statements(net, names, stack)
     yield from texel_grid.statements(net, names)
     names[:] = grouped(names)
     if chosen.storage == "texture":
-        yield from weight_texture.layers(net, names, count)
+        yield from weight_texture.layers(net, names, count, stack)
     elif chosen.storage == "ubo":
         yield from uniform_block.layers(net, names, count, target.block_bytes)
     else:

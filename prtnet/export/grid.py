@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float, Int
 
-from prtnet.export.spelling import quads, vector
+from prtnet.export.spelling import CHOSEN, quads, vector
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -51,14 +51,18 @@ def declarations(net: NetSpec) -> list[str]:
     return [*lines, *_FETCH.split("\n")] if net.grids else []
 
 
-def statements(net: NetSpec, names: list[str]) -> Iterator[str]:
-    """GLSL after which `names` has the channels of all grids at `position`, the net's inputs that follow the normal."""
+def statements(net: NetSpec, names: list[str], stack: int = 1) -> Iterator[str]:
+    """GLSL after which `names` has the channels of all grids at `position`, the net's inputs that follow the normal.
+
+    Of a `stack` of nets the grids stand one behind the other, and `spelling.CHOSEN` says which is meant.
+    """
     for index, grid in enumerate(net.grids):
         z, channels = grid.shape[0], grid.shape[3]
         sizes = np.array(grid.shape[2::-1])
         # cells count from the middle one: there float32 has the most digits to say where in a cell a point is
         middle = sizes // 2
         place, low = f"g{index}", f"g{index}l"
+        first = f"{CHOSEN} * {z} + " if stack > 1 else ""
         shift, least, most = (
             vector("vec3", v.astype(float)) for v in (sizes % 2 / 2 - 0.5, -middle, sizes - 1 - middle)
         )
@@ -68,7 +72,7 @@ def statements(net: NetSpec, names: list[str]) -> Iterator[str]:
         yield f"{place} -= floor({place});"
         for quad in range(quads(channels)):
             found = f"{place}q{quad}"
-            yield f"vec4 {found} = prt_fetch({name(index)}, {low}, {place}h, {place}, {quad * z});"
+            yield f"vec4 {found} = prt_fetch({name(index)}, {low}, {place}h, {place}, {first}{quad * stack * z});"
             names += [f"{found}.{axis}" for axis in "xyzw"]
 
 

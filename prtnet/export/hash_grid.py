@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet.encoding import PRIMES
-from prtnet.export.spelling import number, quads
+from prtnet.export.spelling import CHOSEN, number, quads
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -55,8 +55,11 @@ def declarations(net: NetSpec) -> list[str]:
     return [*lines, *_FETCH.split("\n")] if net.hashes else []
 
 
-def statements(net: NetSpec, names: list[str]) -> Iterator[str]:
-    """GLSL after which `names` has the channels of all tables at `position`, the last of the net's inputs."""
+def statements(net: NetSpec, names: list[str], stack: int = 1) -> Iterator[str]:
+    """GLSL after which `names` has the channels of all tables at `position`, the last of the net's inputs.
+
+    Of a `stack` of nets the tables stand one below the other, and `spelling.CHOSEN` says which is meant.
+    """
     for index, (cells, table) in enumerate(net.hashes):
         place, count = f"h{index}", quads(table.shape[1])
         # counted from the middle of the cube; below it, integers wrap around as those without a sign do
@@ -65,6 +68,7 @@ def statements(net: NetSpec, names: list[str]) -> Iterator[str]:
         yield f"{place} -= floor({place});"
         for quad in range(count):
             found = f"{place}q{quad}"
-            arguments = f"{name(index)}, {place}l, {place}, {len(table) - 1}u, {count}u, {quad}u"
+            first = f" + {len(table) * count}u * uint({CHOSEN})" if stack > 1 else ""
+            arguments = f"{name(index)}, {place}l, {place}, {len(table) - 1}u, {count}u, {quad}u{first}"
             yield f"vec4 {found} = prt_hash({arguments});"
             names += [f"{found}.{axis}" for axis in "xyzw"]

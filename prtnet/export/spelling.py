@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 Array = np.ndarray
 
+CHOSEN = "prt_net"  # of a stack of nets in one set of textures, the number of the one that is evaluated
+
 
 def number(value: float | np.floating, digits: int = 9) -> str:
     """A GLSL float literal; of 9 digits it reads back as the same float32. Denormals, which GLSL may flush, are 0."""

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from prtnet.export import form
 from prtnet.export.literal import bent
+from prtnet.export.spelling import CHOSEN
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
@@ -40,8 +41,11 @@ def declarations(net: NetSpec, precision: str) -> list[str]:
     return [f"// weights: {width} x {height} texels, RGBA{bits}F", f"uniform highp sampler2D {NAME};"]
 
 
-def layers(net: NetSpec, names: list[str], count: int) -> Iterator[str]:
-    """GLSL after which `names`, the inputs as vec4s, are the vec4s that leave layer `count`."""
+def layers(net: NetSpec, names: list[str], count: int, stack: int = 1) -> Iterator[str]:
+    """GLSL after which `names`, the inputs as vec4s, are the vec4s that leave layer `count`.
+
+    Of a `stack` of nets the images stand one below the other, and `spelling.CHOSEN` says which is meant.
+    """
     sizes = [len(names), *(len(form.padded(net, layer)[1]) // 4 for layer in range(count))]
     yield f"int one = min(textureSize({NAME}, 0).x, 1);"
     yield f"vec4 x0[{sizes[0]}];"
@@ -50,13 +54,16 @@ def layers(net: NetSpec, names: list[str], count: int) -> Iterator[str]:
     for i, group in enumerate(names):
         yield f"x0[{i}] = {group};"
     first = 0
+    if stack > 1:
+        yield f"int top = {CHOSEN} * {sum(len(form.rows(net, layer)) for layer in range(len(net.weights)))};"
+    top = "top + " if stack > 1 else ""
     for layer in range(count):
         yield f"vec4 x{layer + 1}[{sizes[layer + 1]}];"
         yield f"for (int o = 0; o < {sizes[layer + 1]} * one; ++o) {{"
-        yield f"  vec4 sum = texelFetch({NAME}, ivec2(0, o + {first}), 0);"
+        yield f"  vec4 sum = texelFetch({NAME}, ivec2(0, {top}o + {first}), 0);"
         yield f"  for (int i = 0; i < {sizes[layer]} * one; ++i) {{"
         for axis, letter in enumerate("xyzw"):
-            weight = f"texelFetch({NAME}, ivec2(4 * i + {axis + 1}, o + {first}), 0)"
+            weight = f"texelFetch({NAME}, ivec2(4 * i + {axis + 1}, {top}o + {first}), 0)"
             yield f"    sum += {weight} * x{layer}[i].{letter};"
         yield "  }"
         yield f"  x{layer + 1}[o] = {bent(net, layer, 'sum')};"

@@ -23,19 +23,23 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     job = open_job(config, command, sweep_point)
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
-    network = None
-    if "size" in config.stages:
+    network = clusters = None
+    if baked.points and "clusters" in config.methods and last >= STAGES.index("size"):
+        from prtnet.pipeline.clusters import train_clusters
+
+        clusters = train_clusters(job, baked.points, baked)
+    if "size" in config.stages and "net" in config.methods:
         from prtnet.pipeline.size import size
 
         job = size(job, baked)
-    if baked.points and last >= STAGES.index("train"):
+    if baked.points and "net" in config.methods and last >= STAGES.index("train"):
         from prtnet.pipeline.train import train
 
         network = train(job, baked.points)
     if last >= STAGES.index("export"):
         from prtnet.pipeline.export import export
 
-        exported = export(job, baked, network)
+        exported = export(job, baked, network, clusters)
         if "score" in config.stages:
             from prtnet.pipeline.pictures import write_pictures
             from prtnet.pipeline.report import report

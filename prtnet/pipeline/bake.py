@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from prtnet import PrtnetError, sh
 from prtnet.data import mipmap, samples, texture, vertex
@@ -40,6 +40,7 @@ class PointSet:
     groups: int  # of SH coefficients in the transfer: see `pipeline.transport`
     facts: Mapping[str, Any]
     uv: Float[Array, "n 2"] | None = None  # in the job's atlas, where its nets take that
+    part: Int[Array, " n"] | None = None  # of the scene, where it is split
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Baked:
 def bake(job: Job) -> Baked:
     """Everything that rays are needed for, except the references of stage `score`."""
     baked = None if job.implicit else bake_texture(job)
-    points = _net_points(job, baked) if "net" in job.config.methods else None
+    points = _net_points(job, baked) if {"net", "clusters"} & set(job.config.methods) else None
     lit = _lit(job, baked) if baked and "lit_texture" in job.config.methods else None
     mesh = _mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
     return Baked(baked, lit, mesh, points)
@@ -170,6 +171,7 @@ def _point_set(
         job.groups,
         {"seconds": found.seconds, "enclosed": enclosed, "points": len(free)},
         atlas_uv(baked.atlas, points)[free] if baked and job.config.train.texel_size else None,
+        job.scene.split_sides().part[points.face[free]] if "clusters" in job.config.methods else None,
     )
 
 

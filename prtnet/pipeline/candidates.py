@@ -66,8 +66,8 @@ def configured(config: Config, candidate: Candidate) -> Config:
 def check(config: Config, outputs: int, shading: int) -> None:
     """Raises PrtnetError where there is nothing to search for, or nowhere."""
     options = config.size
-    if "net" not in config.methods:
-        raise PrtnetError(f"stages: found size with methods={config.methods}, expected net among them")
+    if not {"net", "clusters"} & set(config.methods):
+        raise PrtnetError(f"stages: found size with methods={config.methods}, expected net or clusters among them")
     for name, allowed in (("view", VIEWS), ("cost", COSTS)):
         found = getattr(options, name)
         if found not in allowed:

@@ -43,10 +43,20 @@ def kernels(job: Job, trained: Trained, count: int, points: Callable[[], Points]
     """
     if not job.config.export.cuda:
         return Kernels()
-    files = cuda_file.files(trained.net)
+    facts, files = measured(job, trained.net, trained.key, count, points)
+    words = f"{facts['errors']['coefficients']['max']:.1e}" if facts["executed"] else facts["reason"]
+    log.info("export: %s; error at most: %s", job.out / cuda_file.SOURCE, words)
+    return Kernels(files, {"cuda": facts})
+
+
+def measured(
+    job: Job, net: NetSpec, key: str, count: int, points: Callable[[], Points]
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The entry of a net with that key, and its files. Raises PrtnetError as `kernels` does."""
+    files = cuda_file.files(net)
     digest = hashlib.sha256(b"".join(files[name] for name in cuda_file.NAMES)).hexdigest()
     compiler, nvcc = cuda_host.version(), shutil.which("nvcc") is not None
-    inputs = {"net": trained.key, "files": digest, "points": count, "compiler": compiler, "nvcc": nvcc}
+    inputs = {"net": key, "files": digest, "points": count, "compiler": compiler, "nvcc": nvcc}
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         if nvcc:
@@ -55,16 +65,14 @@ def kernels(job: Job, trained: Trained, count: int, points: Callable[[], Points]
         if compiler is None:
             return {}, facts | {"executed": False, "reason": "not run: found no g++ or clang++"}
         ran = {"executed": True, "device": "the processor", "compiler": compiler}
-        return {}, facts | ran | {"errors": {"coefficients": _error(trained.net, files, points())}}
+        return {}, facts | ran | {"errors": {"coefficients": _error(net, files, points())}}
 
     facts = dict(job.store.make("cuda", inputs, make).facts)
     if facts["executed"]:
         error = facts["errors"]["coefficients"] | {"bound": verify.TOLERANCE}
         facts["errors"] = {"coefficients": error}
         _refuse(error, facts["compiler"])
-    words = f"{facts['errors']['coefficients']['max']:.1e}" if facts["executed"] else facts["reason"]
-    log.info("export: %s; error at most: %s", job.out / cuda_file.SOURCE, words)
-    return Kernels(files, {"cuda": facts})
+    return facts, files
 
 
 def _error(net: NetSpec, files: Mapping[str, bytes], points: Points) -> dict[str, float]:

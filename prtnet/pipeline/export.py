@@ -3,21 +3,22 @@
 import hashlib
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from prtnet import PrtnetError, gl, netspec, store
-from prtnet.export import bundle, certificate, cuda_file, form, gltf, limits, texture_file, vertices
+from prtnet import PrtnetError, netspec, store
+from prtnet.export import bundle, certificate, cuda_file, form, gltf, texture_file, vertices
 from prtnet.export.bundle import Bundle
 from prtnet.export.form import Form
 from prtnet.models.inference import Inference
-from prtnet.netspec import NetSpec
 from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.candidates import form_of
+from prtnet.pipeline.clusters import ClustersTrained
 from prtnet.pipeline.cuda import kernels
+from prtnet.pipeline.export_clusters import ClustersExported, export_clusters
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.lightmap import write_lightmap
 from prtnet.pipeline.train import Trained
@@ -41,10 +42,11 @@ class Exported:
     drawn: Bundle | None
     facts: Mapping[str, Any]
     drawn_by: str = drawn_by.SHADER  # or DEFERRED
+    clusters: ClustersExported | None = None
 
 
-def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
-    """Write the net, its shaders, certificate.json and the files of the baselines into the run folder.
+def export(job: Job, baked: Baked, trained: Trained | None, clusters: ClustersTrained | None = None) -> Exported:
+    """Write the nets, their shaders, certificate.json and the files of the baselines into the run folder.
 
     Raises PrtnetError, and leaves nothing of the net behind, when an error is above its bound.
     """
@@ -53,6 +55,8 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
         _write_texture(job, baked.texture)
     if baked.mesh:
         _write_vertices(job, baked.mesh)
+    if clusters and baked.points:
+        exported = replace(exported, clusters=export_clusters(job, baked.points, clusters))
     if baked.texture and job.config.export.lightmap:
         write_lightmap(job, baked.texture)
     if job.config.export.web:
@@ -62,7 +66,7 @@ def export(job: Job, baked: Baked, trained: Trained | None) -> Exported:
 
 def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
     try:
-        made, beyond = _made(trained.net, form_of(job.config))
+        made, beyond = drawn_by.shaders(trained.net, form_of(job.config))
         validated = bundle.validate(made)
         count = _checked(made)
         measured = _measured(job, points, trained, made, count)
@@ -82,26 +86,9 @@ def _net(job: Job, points: NetPoints, trained: Trained) -> Exported:
     words = "; ".join(f"{what} {each['max']:.1e}" for what, each in measured["errors"].items())
     log.info("export: %s, %s; errors at most: %s", made.form.storage, measured.get("device", "not run"), words)
     # uniform blocks are not run: what is drawn has the same weights
-    drawn = made if measured["executed"] else bundle.bundle(trained.net, Form(), _driver())
+    drawn = made if measured["executed"] else bundle.bundle(trained.net, Form(), drawn_by.driver())
     by = drawn_by.chosen(job.config.render.net, drawn.net)
     return Exported(drawn, {**facts["net"], "agreement": _agreement(measured)}, by)
-
-
-def _made(net: NetSpec, wanted: Form) -> tuple[Bundle, str]:
-    """The shaders, and what the least of drivers may refuse of them. Of a browser no more than that is known here, and
-    uniform blocks should fit everywhere."""
-    if wanted.version.endswith("es") or wanted.storage == "ubo":
-        return bundle.bundle(net, wanted), ""
-    try:
-        return bundle.bundle(net, wanted), ""
-    except PrtnetError as error:
-        made = bundle.bundle(net, wanted, _driver())
-        log.warning("export: this driver holds the shaders, others may not: %s", error)
-        return made, str(error)
-
-
-def _driver() -> limits.Limits:
-    return limits.of_driver(gl.context().info)
 
 
 def _agreement(measured: Mapping[str, Any]) -> str:

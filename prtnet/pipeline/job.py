@@ -21,7 +21,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
-from prtnet.pipeline import candidates, drawn_by, scenes
+from prtnet.pipeline import candidates, drawn_by, scenes, split_options
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
@@ -186,9 +186,9 @@ def _check_export(config: Config) -> None:
     """A net that cannot be exported is not trained, unless nobody asks for its export."""
     drawn_by.check(config.render.net)
     form, outputs = candidates.form_of(config), _groups(config) * sh.count(config.transfer.bands)
-    if "size" in config.stages:
+    if "size" in config.stages or split_options.sized(config):
         candidates.check(config, outputs, _shading_macs(config))
-    elif "net" in config.methods and {"export", "score", "view"} & set(config.stages):
+    elif {"net", "clusters"} & set(config.methods) and {"export", "score", "view"} & set(config.stages):
         form.of_sizes(recipe.layer_sizes(config.model, config.train, outputs), _groups(config))
 
 
@@ -233,6 +233,7 @@ def _check(config: Config) -> None:
     if "view" in config.stages:
         window.check()
     recipe.check(config.train)
+    split_options.check(config)
     _material(config)
     _display(config)
     _check_atlas(config)

@@ -4,14 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from prtnet import netspec, score, sh
+import numpy as np
+
+from prtnet import clusters, netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
 from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
+from prtnet.pipeline.export_clusters import ClustersExported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
+from prtnet.pipeline.views import cameras_of
+from prtnet.render.clusters import ClusterMethod, DeferredClusters, shares, stack_method
 from prtnet.render.deferred import DeferredMethod
 from prtnet.render.lit import LitTextureMethod
 from prtnet.render.marched import Drawing
@@ -50,6 +55,8 @@ def makers(
         found["lit_texture"] = lambda: _lit_texture(job, lit, drawing)
     if (points := baked.points) and (net := trained) and (drawn := exported.drawn):
         found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
+    if (trained_on := baked.points) and (split := exported.clusters) and isinstance(drawing, Raster):
+        found["clusters"] = lambda: _clusters(job, trained_on, split, drawing)
     return found
 
 
@@ -149,3 +156,26 @@ def _net(job: Job, points: NetPoints, trained: Trained, exported: Bundle, by: st
         folding=(exported.net, exported.irradiance) if exported.irradiance else None,
     )
     return Drawn(shaded, lambda pixels: costs)
+
+
+def _clusters(job: Job, points: NetPoints, exported: ClustersExported, drawing: Raster) -> Drawn:
+    spec, words, material = exported.spec, job.config.split, job.material
+    chosen = {"material": material, "border": words.border}
+    if exported.drawn_by == drawn_by.DEFERRED:
+        shaded = DeferredClusters(drawing, spec, select=words.select, **chosen)
+    elif exported.stack:
+        shaded = stack_method(drawing, spec, exported.stack, material=material)
+    else:
+        shaded = ClusterMethod(drawing, spec, exported.made, **chosen)
+
+    def costs(pixels: float) -> dict[str, Any]:
+        found = [drawing.gbuffer(camera) for camera in cameras_of(job)]
+        share = np.concatenate([shares(spec, drawing.scene, each, words.border, words.select) for each in found])
+        return {
+            "macs": round(float(clusters.macs(spec, share).mean())) + job.shading_macs,
+            "bytes": clusters.byte_count(spec),
+            "bake_seconds": points.training.facts["seconds"],
+            "train_seconds": exported.facts["cpu_seconds"],
+        }
+
+    return Drawn(shaded, costs)

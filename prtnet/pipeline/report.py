@@ -8,7 +8,7 @@ import numpy as np
 from prtnet import netspec, score, sh, store
 from prtnet.chart import lobes, plot, sheet, tables
 from prtnet.chart import report as pages
-from prtnet.pipeline import drawn_by
+from prtnet.pipeline import drawn_by, seams
 from prtnet.pipeline.bake import Baked, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
@@ -33,7 +33,10 @@ FILES = {
     "transfer_texture_mesh.safetensors": "the mesh with its coordinates in the texture",
     "transfer_vertices.safetensors": "the mesh of the method vertex and the transfer of its vertices",
     "transfer_vertices.glb": "the same mesh for other programs, transfer as attributes _PRT_0, _PRT_1, ...",
+    "clusters": "the networks of the clusters, for prtnet.clusters.load, their shaders and certificate",
+    "clusters.md": "what the clusters are, why leaves were merged, what each network takes",
     "pictures": "the first view of each method as the display options of this run show it",
+    "clusters.png": "the clusters in the first view, and the error there",
     "lobes.png": "transfer of four held-out points on the sphere: the truth, the net's, their difference",
     "score.json": "the scores below, for programs",
     "certificate.json": "measured errors and times of the shaders, and checksums",
@@ -57,11 +60,11 @@ def report(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
 def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, scored: Scored) -> None:
     out, rows = job.out, scored.rows
     versions = score.versions()
-    score.write(out / "score.json", rows, versions)
+    score.write(out / "score.json", rows, versions, **({"seams": scored.facts["seams"]} if exported.clusters else {}))
     title = f"{job.scene.name}: transfer"
     if trained:
         title += f" in a network of {job.config.model.words()}"
-    frames = {name: list(images) for name, images in scored.frames.items() if name != "covered"}
+    frames = {name: list(images) for name, images in scored.frames.items() if name not in ("covered", "cluster")}
     covered = list(scored.frames["covered"])
     numbers = scored.facts["shown_views"]
     sheet.contact_sheet(out / "contact_sheet.png", frames, covered=covered, numbers=numbers, title=title)
@@ -74,6 +77,10 @@ def _write(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         _lobes(job, baked.points, trained)
         caption = "Transfer of held-out points: the sphere about the normal, the horizon dashed"
         pictures[caption] = out / "lobes.png"
+    if exported.clusters:
+        cluster = scored.frames["cluster"][0]
+        seams.write_picture(out / seams.PICTURE, frames["clusters"][0], frames["traced"][0], cluster)
+        pictures["Clusters in the first view, and 8 x the error of the method clusters"] = out / seams.PICTURE
     facts = _facts(job, baked, trained, exported, scored)
     files = {name: words for name, words in FILES.items() if (out / name).exists() or name == "score.json"}
     pages.card(out / "card.md", rows, facts, pictures, title=title, files=files)
@@ -123,6 +130,7 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         "material": job.material.words(),
         "exposure": scored.facts["exposure"],
         "frame covered": f"{scored.facts['covered']:.0%}",
+        **seams.words(scored.facts.get("seams", {})),
         "rays per pixel of the reference": render.traced_directions,
         "image": f"{render.views} views of {render.size} x {render.size}",
         "centre and scale": f"{job.frame.centre.tolist()}, {job.frame.scale:.9g}",

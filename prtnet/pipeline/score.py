@@ -15,12 +15,15 @@ from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.methods import Drawn, make_all
+from prtnet.pipeline.seams import seams, surfaces
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import Radiosity
 from prtnet.pipeline.views import View, drawing_of, reference_of, row_of, views_of
 from prtnet.render.camera import Camera
 from prtnet.render.marched import Marched
+from prtnet.render.raster import Raster
 from prtnet.render.vertex import VertexMethod
+from prtnet.seam import Surface
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -36,7 +39,9 @@ UNSCORED = ("tone", "bloom", "highlights", "pictures", "net")
 class Scored:
     key: str
     rows: list[score.Row]
-    frames: Mapping[str, Array]  # method -> tone-mapped "views h w 3" of the shown views; "covered" -> their masks
+    frames: Mapping[
+        str, Array
+    ]  # method -> tone-mapped "views h w 3" of the shown views; "covered" -> their masks; "cluster" too
     facts: Mapping[str, Any]
 
 
@@ -60,13 +65,16 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "camera": job.config.scene.camera,
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
         "columns": list(score.KEYS),
+        **({"clusters": exported.clusters.key} if exported.clusters else {}),
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         drawing = drawing_of(job, baked)
         views = add_exact(job, views_of(job, drawing, coefficients, baked.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
-        return _draw_and_score(job, methods, views, coefficients, baked.radiosity)
+        split = exported.clusters if isinstance(drawing, Raster) else None
+        places = surfaces(job, split.spec, drawing, views) if split else []
+        return _draw_and_score(job, methods, views, coefficients, baked.radiosity, places)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]
@@ -74,7 +82,12 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
 
 
 def _draw_and_score(
-    job: Job, methods: Mapping[str, Drawn], views: list[View], coefficients: Array, radiosity: Radiosity | None
+    job: Job,
+    methods: Mapping[str, Drawn],
+    views: list[View],
+    coefficients: Array,
+    radiosity: Radiosity | None,
+    places: list[Surface],
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     for method in methods.values():
         if isinstance(method.shaded, VertexMethod):
@@ -112,11 +125,13 @@ def _draw_and_score(
         for name, images in frames.items()
     }
     kept["covered"] = np.stack([covered[view] for view in shown])
+    kept |= {"cluster": np.stack([places[view].cluster for view in shown])} if places else {}
     facts = {
         "rows": [asdict(row) for row in rows],
         "exposure": exposure,
         **share,
         "shown_views": shown.tolist(),
+        **({"seams": seams(places, frames, exposure, list(methods))} if places else {}),
     }
     return kept, facts
 

@@ -24,12 +24,19 @@ def size(job: Job, baked: Baked) -> Job:
 
     Raises PrtnetError, after these are written, where no candidate meets the target.
     """
-    options = job.config.size
     assert baked.points is not None
+    found = chosen(job, Trials(job, baked, baked.points))
+    return replace(job, config=candidates.configured(job.config, found))
+
+
+def chosen(job: Job, trials: Trials, *, alone: bool = True) -> Candidate:
+    """The network of a job, or of one cluster of its scene, which no command line makes `alone`. Leaves size.json,
+    size.md and size.png in the job's folder; raises PrtnetError, after these are written, where none meets the target.
+    """
+    options = job.config.size
     fit, large = candidates.space(job.config, job.groups * sh.count(job.config.transfer.bands), job.shading_macs)
     for each in large:
         log.info("size: %s is too large to export as literals, and left out", each.name)
-    trials = Trials(job, baked, baked.points)
     floor = trials.floor()
     log.info("size: %d candidates; noise floor %.1f dB", len(fit), floor)
     found = search(
@@ -43,10 +50,10 @@ def size(job: Job, baked: Baked) -> Job:
         floor=floor,
         on_trial=_teller(),
     )
-    _report(job, found, floor)
+    _report(job, found, floor, alone)
     if found.choice is None:
         raise PrtnetError(f"size: {found.reason}. {_limits(found)} What was tried stands in {job.out / 'size.md'}")
-    return replace(job, config=candidates.configured(job.config, found.choice))
+    return found.choice
 
 
 def command(job: Job, choice: Candidate) -> str:
@@ -83,21 +90,22 @@ def _teller() -> Callable[[Tried, float], None]:
     return tell
 
 
-def _report(job: Job, found: Found, floor: float) -> None:
+def _report(job: Job, found: Found, floor: float, alone: bool) -> None:
     """The table on the terminal, and the files."""
     options, out = job.config.size, job.out
-    target = options.target_psnr
-    words = _words(job, found, floor)
-    print("\n".join([chart.table(found, target), "", *words]))
-    store.write_text(out / "size.json", json.dumps(_facts(job, found, floor), indent=1) + "\n")
-    title = f"# The size of a network for {job.scene.name}"
-    body = [title, *words[:-1], f"`{words[-1]}`" if found.choice else words[-1], chart.markdown(found, target)]
+    target, words = options.target_psnr, _words(job, found, floor)
+    made = command(job, found.choice) if found.choice and alone else None
+    end = [_limits(found)] if found.choice is None else [made] if made else []
+    print("\n".join([chart.table(found, target), "", *words, *end]))
+    store.write_text(out / "size.json", json.dumps(_facts(job, found, floor, made), indent=1) + "\n")
+    title = f"# The size of a network for {'' if alone else f'cluster {out.name} of '}{job.scene.name}"
+    body = [title, *words, *([f"`{made}`"] if made else end), chart.markdown(found, target)]
     store.write_text(out / "size.md", "\n\n".join([*body, "![PSNR against cost](size.png)\n"]))
     chart.picture(out / "size.png", found, target=target, floor=floor, cost=options.cost)
 
 
 def _words(job: Job, found: Found, floor: float) -> list[str]:
-    """What was asked, what was found, why it ended, what it took; last the command, or what limits."""
+    """What was asked, what was found, why it ended, what it took."""
     options = job.config.size
     asked = [f"at least {options.target_psnr:g} dB in the {options.view} view"] if options.target_psnr else []
     asked += [f"at most {options.max_macs} multiply-adds per pixel"] if options.max_macs else []
@@ -117,9 +125,7 @@ def _words(job: Job, found: Found, floor: float) -> list[str]:
             f" {console.duration(found.cpu_seconds)} of CPU time; all {len(found.candidates)} in full would take about"
             f" {console.duration(found.sweep_seconds)} ({share:.0%})."
         )
-    if found.choice:
-        return [*lines, command(job, found.choice)]
-    return [*lines, _limits(found)]
+    return lines
 
 
 def _limits(found: Found) -> str:
@@ -131,12 +137,12 @@ def _unit(cost: str) -> str:
     return f"{first}, then fewer {second}"
 
 
-def _facts(job: Job, found: Found, floor: float) -> dict[str, Any]:
+def _facts(job: Job, found: Found, floor: float, made: str | None) -> dict[str, Any]:
     options = job.config.size
     return {
         "asked": asdict(options),
         "choice": found.choice and found.choice.name,
-        "command": found.choice and command(job, found.choice),
+        "command": made,
         "reason": found.reason,
         "limits": dict(found.limits),
         "noise_floor": floor,

@@ -76,7 +76,7 @@ def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any], rate: float |
             model=model,
             options=options,
             steps=steps,
-            held_out=_points(points.areas),
+            held_out=_points(points.areas) if len(points.areas.positions) else None,
             checkpoint_path=checkpoint,
             log_dir=job.out / "tensorboard",
             on_log=lambda seen: reach(seen["step"]),
@@ -84,23 +84,20 @@ def _train(job: Job, points: NetPoints, inputs: Mapping[str, Any], rate: float |
             scale=job.frame.scale,
             name=job.scene.name,
         )
-    assert result.held_out_rmse is not None
+    areas = result.held_out_rmse
     facts = {
         "steps": result.steps,
         "cpu_seconds": result.cpu_seconds,
         "history": _thinned(result.history),
-        "areas_rmse": float(np.sqrt(np.mean(np.square(result.held_out_rmse)))),
+        "areas_rmse": None if areas is None else float(np.sqrt(np.mean(np.square(areas)))),
         "vertices_rmse": _rmse(result.net, points.vertices),
         "recipe": options.recipe,
         "width": model.width,
         "depth": model.depth,
     }
-    log.info(
-        "train: %s of CPU time; transfer RMSE %.4f on held-out points, %.4f on vertices",
-        console.duration(result.cpu_seconds),
-        facts["areas_rmse"],
-        facts["vertices_rmse"],
-    )
+    on = {"held-out points": facts["areas_rmse"], "vertices": facts["vertices_rmse"]}
+    errors = ", ".join(f"{value:.4f} on {name}" for name, value in on.items() if value is not None)
+    log.info("train: %s of CPU time; transfer RMSE %s", console.duration(result.cpu_seconds), errors or "not known")
     kept = job.store.put("net", inputs, lambda path: netspec.save(result.net, path), facts)
     checkpoint.unlink(missing_ok=True)
     return kept
@@ -123,8 +120,10 @@ def _points(part: PointSet) -> Points:
     return Points(part.positions, part.normals, part.transfer, part.groups, part.uv)
 
 
-def _rmse(net: NetSpec, part: PointSet) -> float:
-    """Root mean square error over all coefficients."""
+def _rmse(net: NetSpec, part: PointSet) -> float | None:
+    """Root mean square error over all coefficients; None without points, as a small cluster may have no vertices."""
+    if not len(part.positions):
+        return None
     found = netspec.evaluate_unit(net, part.positions, part.normals, uv=part.uv)
     return float(np.sqrt(np.mean((found.astype(np.float64) - part.transfer) ** 2)))
 

@@ -1,14 +1,16 @@
 """Trials of networks: trained with a share of the budget, and held against `traced` without a shader."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from prtnet import PrtnetError, netspec, score
+from prtnet.data.scene import Frame
 from prtnet.pipeline.bake import Baked, NetPoints
 from prtnet.pipeline.candidates import configured
 from prtnet.pipeline.job import Job
@@ -16,6 +18,7 @@ from prtnet.pipeline.score import noise_floor
 from prtnet.pipeline.train import Trained, planned, train
 from prtnet.pipeline.views import View, drawing_of, views_of
 from prtnet.render import gbuffer as gbuffers
+from prtnet.render.gbuffer import GBuffer
 from prtnet.size import Candidate, Trial
 
 log = logging.getLogger(__name__)
@@ -32,11 +35,20 @@ class Seen:
     shown: list[Image]
 
 
-class Trials:
-    """Trains and measures candidates of a job; whatever was found is kept in its store."""
+@dataclass(frozen=True)
+class Region:
+    """Pixels of the views that a network is for, and the cube of unit coordinates that it works in."""
 
-    def __init__(self, job: Job, baked: Baked, points: NetPoints) -> None:
-        self._job, self._baked, self._points = job, baked, points
+    key: str
+    cube: Frame
+    inside: Callable[[GBuffer], Bool[Array, " n"]]
+
+
+class Trials:
+    """Trains and measures candidates of a job; whatever was found is kept in its store. `region`: of one cluster."""
+
+    def __init__(self, job: Job, baked: Baked, points: NetPoints, region: Region | None = None) -> None:
+        self._job, self._baked, self._points, self._region = job, baked, points, region
         bands_light, _ = job.material.orders(job.config.transfer.bands)
         self._light = job.light.coefficients(bands_light)
 
@@ -46,23 +58,39 @@ class Trials:
             trained = self._train(candidate, share)
         except PrtnetError as error:
             raise PrtnetError(f"size: {candidate.name}: {error}; or leave it out of the space") from error
-        inputs = self._inputs | {"net": trained.key}
+        inputs = self._inputs | {"net": trained.key} | ({"region": self._region.key} if self._region else {})
         psnr = self._job.store.make("psnr", inputs, lambda: ({}, {"psnr": self.psnr(trained)})).facts["psnr"]
         return Trial(float(np.mean(psnr)), min(psnr), trained.facts["cpu_seconds"])
 
     def psnr(self, trained: Trained) -> list[float]:
-        """Of each view, in dB on covered pixels, as stage `score` has it of the net's shader."""
+        """Of each view that shows any, in dB on covered pixels, as stage `score` has it of the net's shader."""
         job, seen, found = self._job, self._seen, []
         for view, wanted in zip(seen.views, seen.shown, strict=True):
-            seen_at = view.gbuffer
-            transfer = netspec.evaluate_unit(trained.net, seen_at.positions, seen_at.normals, np.float32, seen_at.uv)
-            image = gbuffers.shade(view.gbuffer, transfer, self._light, job.material, groups=job.groups)
-            found.append(score.psnr(score.tone_map(image, seen.exposure), wanted, view.covered))
+            covered = self._covered(view)
+            if covered.any():
+                transfer = self._transfer(trained, view.gbuffer)
+                image = gbuffers.shade(view.gbuffer, transfer, self._light, job.material, groups=job.groups)
+                found.append(score.psnr(score.tone_map(image, seen.exposure), wanted, covered))
         return found
+
+    def visible(self) -> bool:
+        """Whether any view shows a pixel that the network is for."""
+        return any(self._covered(view).any() for view in self._seen.views)
 
     def floor(self) -> float:
         """PSNR of `traced` against itself with other rays."""
         return self._job.store.make("noise_floor", self._inputs, lambda: ({}, {"psnr": self._floor()})).facts["psnr"]
+
+    def _covered(self, view: View) -> Bool[Array, "h w"]:
+        if self._region is None:
+            return view.covered
+        inside = np.zeros(view.covered.size, bool)
+        inside[view.gbuffer.pixel] = self._region.inside(view.gbuffer)
+        return view.covered & inside.reshape(view.covered.shape)
+
+    def _transfer(self, trained: Trained, seen: GBuffer) -> Float[Array, "n c"]:
+        positions = seen.positions if self._region is None else self._region.cube.to_unit(seen.positions)
+        return netspec.evaluate_unit(trained.net, positions, seen.normals, np.float32, seen.uv)
 
     def _train(self, candidate: Candidate, share: float) -> Trained:
         """The whole budget gives the very net that stage `train` would make."""

@@ -26,7 +26,7 @@ from prtnet.view.state import Orbit, State
 log = logging.getLogger(__name__)
 
 LIGHTS = ("sky", "constant", "gradient", "sun", "directional", "green")
-SHOWN = ("texture", "unshadowed", "vertex", "net")
+SHOWN = ("texture", "unshadowed", "vertex", "net", "clusters")
 METERED = 2  # views by which the exposure is chosen
 # of a run whose own material has no gloss; as configs/material/glossy.yaml
 VARNISH = Material(0.5, (0.5, 0.5, 0.5), 20.0)

@@ -13,6 +13,7 @@ from prtnet.models.inference import Inference
 from prtnet.netspec import NetSpec
 from prtnet.render import gbuffer as gbuffers
 from prtnet.render.camera import Camera
+from prtnet.render.gbuffer import GBuffer
 from prtnet.render.marched import Drawing
 from prtnet.render.material import DIFFUSE, Material
 from prtnet.render.method import Shaded
@@ -42,9 +43,11 @@ class DeferredMethod(Shaded):
     def render(self, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the raster's frame without reading it back."""
         gbuffer = self.raster.gbuffer(camera)
-        transfer = self._infer(gbuffer.positions, gbuffer.normals, gbuffer.uv)
-        colours = gbuffers.colours(gbuffer, transfer, self._lit, self.material, groups=self.groups)
+        colours = gbuffers.colours(gbuffer, self._transfer(gbuffer), self._lit, self.material, groups=self.groups)
         width, height = self.raster.target.size
         image = np.zeros((height * width, 4), np.float32)
         image[gbuffer.pixel, :3], image[gbuffer.pixel, 3] = colours, 1
         self.raster.target.write(image.reshape(height, width, 4))
+
+    def _transfer(self, gbuffer: GBuffer) -> Float[Array, "n c"]:
+        return self._infer(gbuffer.positions, gbuffer.normals, gbuffer.uv)

@@ -13,8 +13,9 @@ from prtnet.data.texture import Page
 from prtnet.export import gloss
 from prtnet.export.spelling import number
 from prtnet.render.material import DIFFUSE, Material
-from prtnet.render.method import TextureMethod, padded_groups
+from prtnet.render.method import TextureMethod
 from prtnet.render.raster import Raster
+from prtnet.render.transfer_map import padded_groups
 
 IRRADIANCE = math.sqrt(4 * math.pi)  # times J_0
 

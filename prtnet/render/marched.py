@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import moderngl
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from prtnet import PrtnetError, gl
 from prtnet.data.implicit import project
@@ -80,17 +80,29 @@ class Marched:
         return gl.program(gl.shader("fullscreen.vert.glsl"), text, None, VARYING="", MARCHED=1, PARTS=parts, **defines)
 
     def draws(
-        self, program: moderngl.Program, attributes: Mapping[str, Float32[Array, "p c"]] | None = None
+        self,
+        program: moderngl.Program,
+        attributes: Mapping[str, Float32[Array, "p c"]] | None = None,
+        faces: Bool[Array, " p"] | None = None,
     ) -> Covering:
-        """The frame bound to a program. `attributes`, of the vertices of `scene`, are those of the parts."""
+        """The frame bound to a program. `attributes`, of the vertices of `scene`, are those of the parts.
+
+        Raises PrtnetError for `faces`: there are none to draw apart.
+        """
+        if faces is not None:
+            raise PrtnetError(
+                "split.select: found a draw call for each cluster of an implicit surface, which has no triangles to "
+                "share out, expected fragment"
+            )
         return Covering(gl.context().vertex_array(program, []), {"in_factor": self._albedos, **(attributes or {})})
 
     def render(self, program: moderngl.Program, draws: Covering, camera: Camera, *, prepass: bool = True) -> None:
         """Draw into the frame. Without `prepass` missed pixels are not kept from the shader, which finds out by itself:
         the plain twin."""
         self.march(camera)
-        self.target.framebuffer.use()
+        # a mask holds from when its frame buffer is used
         self.target.framebuffer.depth_mask = False
+        self.target.framebuffer.use()
         context = gl.context()
         context.enable_only(moderngl.DEPTH_TEST if prepass else moderngl.NOTHING)
         # the triangle stands half-way, what was met in front of it

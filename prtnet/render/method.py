@@ -19,8 +19,8 @@ from prtnet.render import features, reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.marched import Drawing
 from prtnet.render.material import DIFFUSE, Material, fixed_light_matrix
-from prtnet.render.raster import Group, Raster
-from prtnet.render.transfer_map import TransferMap
+from prtnet.render.raster import EVERYTHING, Group, Portion, Raster
+from prtnet.render.transfer_map import TransferMap, padded_groups
 
 Array = np.ndarray
 
@@ -38,8 +38,10 @@ class Shaded:
         transfer: str,
         material: Material,
         groups: int = 1,
+        portion: Portion = EVERYTHING,
     ):
         # coefficients: the counts that fill the layers of one group of `transfer`
+        self._portion = portion
         self.raster, self.coefficients, self.material, self.groups = raster, coefficients, material, groups
         self.layers = gl.layer_count(coefficients[-1])
         self._source, self._transfer = source, transfer
@@ -69,7 +71,7 @@ class Shaded:
         assert self.material.varies
         self.material = material
         self._attributes = self._reflected()
-        self.draws: Any = self.raster.draws(self.program, self._attributes)
+        self.draws: Any = self.raster.draws(self.program, self._attributes, self._portion.faces)
 
     def _count_light(self) -> None:
         """The counts of coefficients that a light may have, and the layers that hold them."""
@@ -107,7 +109,8 @@ class Shaded:
             defines |= {"DIFFUSE": f"({number(1 / math.pi)} * reflectance.a)", "AT_VERTEX": "hand_on_reflectance()"}
             defines |= {"ROUGHNESS": 1} if self.material.roughness == "file" else {}
         texts = [gl.shader("surface.glsl"), self._source, gloss_function, gl.shader("albedo.glsl")]
-        texts += [gl.shader("shading_normal.glsl"), *[gl.shader("reflectance.frag.glsl")] * own]
+        texts += [gl.shader("shading_normal.glsl"), *[gl.shader("reflectance.frag.glsl")] * own, self._portion.text]
+        defines |= {"SHARE": self._portion.share} if self._portion.share else {}
         self.program = self.raster.program(
             "".join(texts) + gl.shader("shading.frag.glsl"),
             gl.shader("reflectance.vert.glsl") if own else "",
@@ -117,7 +120,7 @@ class Shaded:
             SUM=self._received(names),
             **defines,
         )
-        self.draws: Any = self.raster.draws(self.program, self._attributes)
+        self.draws: Any = self.raster.draws(self.program, self._attributes, self._portion.faces)
 
     def _vectors(self) -> list[str]:
         """The vec4 that the source of transfer fills."""
@@ -226,7 +229,8 @@ class NetMethod(Shaded):
 
     `grids`, `hashes` and `texels` are those of its net, `weights` the image of its weight texture, where it has them.
     One with texels takes `uv` after the normal. With `folding`, a diffuse material is drawn by the function text of
-    `export.fold.irradiance` instead, and the net that belongs to it says what the light is folded into.
+    `export.fold.irradiance` instead, and the net that belongs to it says what the light is folded into. `place` is
+    what the function gets as its position.
     """
 
     def __init__(
@@ -241,6 +245,8 @@ class NetMethod(Shaded):
         texels: Sequence[Float[Array, "_ _ _"]] = (),
         weights: Float[Array, "h w 4"] | None = None,
         folding: tuple[NetSpec, str] | None = None,
+        place: str = "position",
+        portion: Portion = EVERYTHING,
     ):
         self._features = features.upload(grids, hashes, texels)
         if weights is not None:
@@ -252,13 +258,13 @@ class NetMethod(Shaded):
             raise PrtnetError(
                 "net shader: expected a function void prt_transfer(vec3, vec3, out vec4 t0, ...), found none"
             )
-        self._point = ["position", "shading_normal()", *["atlas_uv"] * bool(texels)]
+        self._point = [place, "shading_normal()", *["atlas_uv"] * bool(texels)]
         transfer = f"prt_transfer({', '.join([*self._point, *(f't{layer}' for layer in range(outputs))])})"
         most = 4 * outputs // groups
         if irradiance:
             function, transfer = irradiance, ""
         source = ("in vec2 atlas_uv;\n" if texels else "") + function + "\n"
-        super().__init__(raster, range(most - 3, most + 1), source, transfer, material, groups)
+        super().__init__(raster, range(most - 3, most + 1), source, transfer, material, groups, portion)
 
     def _received(self, names: list[str]) -> str:
         """Irradiance as an expression of the vectors, or folded."""
@@ -270,11 +276,15 @@ class NetMethod(Shaded):
         if self._net is not None:
             gl.put(self.program, **fold.uniforms(self._net, light))
 
-    def render(self, camera: Camera, *, prepass: bool = True) -> None:
-        """Draw into the raster's frame without reading it back."""
+    def bind(self) -> None:
+        """Make its textures those of the program."""
         for unit, (name, texture) in enumerate(self._features.items(), GRID_UNIT):
             texture.use(unit)
             gl.put(self.program, **{name: unit})
+
+    def render(self, camera: Camera, *, prepass: bool = True) -> None:
+        """Draw into the raster's frame without reading it back."""
+        self.bind()
         super().render(camera, prepass=prepass)
 
 
@@ -286,11 +296,3 @@ def irradiance_text(groups: list[list[str]]) -> str:
     for colour, group in enumerate(groups[1:]):
         sums.append(" + ".join(f"dot(transpose(light[{layer}])[{colour}], {name})" for layer, name in enumerate(group)))
     return f"vec3({', '.join(sums)})"
-
-
-def padded_groups(values: Float[Array, "*n c"], groups: int) -> Float32[Array, "*n _"]:
-    """Each group of channels padded with 0 to a multiple of four."""
-    each = values.shape[-1] // groups
-    split = np.asarray(values, np.float32).reshape(*values.shape[:-1], groups, each)
-    room = [(0, 0)] * (split.ndim - 1) + [(0, -each % 4)]
-    return np.pad(split, room).reshape(*values.shape[:-1], -1)

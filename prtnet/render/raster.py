@@ -6,13 +6,13 @@ and images are linear RGB, float32, row 0 on top, 0 where nothing is drawn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
 import moderngl
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 
 from prtnet import gl
 from prtnet.data import roughness
@@ -35,6 +35,7 @@ class Group:
 
     albedo: moderngl.Texture
     roughness: moderngl.Texture
+    faces: Int[Array, " n"]  # of atlas.scene, in the order they are drawn
     indices: moderngl.Buffer
     page: int
     # None where no part of the scene has one
@@ -45,6 +46,20 @@ class Group:
         self.roughness.use(reflectance.UNIT)
         if self.normal_map:
             self.normal_map.use(NORMAL_UNIT)
+
+
+@dataclass(frozen=True, eq=False)
+class Portion:
+    """What one of several programs draws that make a picture together, each over those before it."""
+
+    faces: Bool[Array, " f"] | None = None  # of atlas.scene; None: all
+    # (the weight of its colour at a fragment, the sum of the weights of all programs so far) as GLSL, and the functions
+    # that takes; a fragment of weight 0 is left out before its transfer is found. Empty: what it draws is its own
+    share: str = ""
+    text: str = ""
+
+
+EVERYTHING = Portion()
 
 
 class Raster:
@@ -77,12 +92,19 @@ class Raster:
         return gl.program(vertex + gl.shader("mesh.vert.glsl"), fragment, None, VARYING="in", **defines)
 
     def draws(
-        self, program: moderngl.Program, attributes: Mapping[str, Float32[Array, "v c"]] | None = None
+        self,
+        program: moderngl.Program,
+        attributes: Mapping[str, Float32[Array, "v c"]] | None = None,
+        faces: Bool[Array, " f"] | None = None,
     ) -> list[tuple[Group, moderngl.VertexArray]]:
-        """The mesh bound to a program: the textures and a vertex array per group. `attributes` join the mesh's own."""
+        """The mesh, or some of its faces, bound to a program: the textures and a vertex array per group. `attributes`
+        join the mesh's own."""
         own = [(_buffer(values), f"{values.shape[1]}f", name) for name, values in (attributes or {}).items()]
         content = [entry for entry in [*self._attributes, *own] if entry[2] in program]
-        return [(group, gl.context().vertex_array(program, content, group.indices)) for group in self._groups]
+        groups = self._groups if faces is None else [_some(self.scene, group, faces) for group in self._groups]
+        return [
+            (group, gl.context().vertex_array(program, content, group.indices)) for group in groups if len(group.faces)
+        ]
 
     def render(
         self,
@@ -93,23 +115,33 @@ class Raster:
         prepass: bool = True,
         before: Callable[[Group], None] | None = None,
         target: gl.Target | None = None,
+        over: bool = False,
     ) -> None:
         """Draw into the frame, or another target of its size, calling `before` ahead of each group. Without `prepass`
-        all fragments that are nearest so far are shaded: the plain twin."""
+        all fragments that are nearest so far are shaded: the plain twin. `over`: after another program, with the same
+        camera and its pre-pass, over what that has drawn (Porter and Duff 1984, colours times alpha)."""
         target = target or self.target
         context, framebuffer = gl.context(), target.framebuffer
         matrix = camera.matrix(self.aspect).T
-        self._begin(target)
-        if prepass:
+        if over:
+            context.enable(moderngl.BLEND)
+            context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        else:
+            self._begin(target)
+        if prepass and not over:
             gl.put(self._depth, camera=matrix)
             everything = framebuffer.color_mask
             nothing: Any = (False, False, False, False)
             framebuffer.color_mask = nothing if target.layers == 1 else (nothing,) * target.layers
+            # moderngl applies the masks of a frame buffer when it is used
+            framebuffer.use()
             for _, mesh in self._depth_draws:
                 mesh.render()
             framebuffer.color_mask = everything
+        if prepass or over:
             framebuffer.depth_mask = False
             context.depth_func = "=="
+        framebuffer.use()
         gl.put(program, camera=matrix, albedo_map=0, roughness_map=reflectance.UNIT, normal_map=NORMAL_UNIT)
         gl.put(program, eye=camera.eye)
         for group, mesh in draws:
@@ -118,6 +150,7 @@ class Raster:
                 before(group)
             mesh.render()
         framebuffer.depth_mask = True
+        context.disable(moderngl.BLEND)
 
     def _begin(self, target: gl.Target) -> None:
         target.clear()
@@ -190,11 +223,19 @@ def _groups(scene: Scene, page: Int[Array, " f"]) -> tuple[Int[Array, " f"], lis
     groups = []
     for kind in np.unique(kinds, axis=0):
         chosen = order[(kinds[order] == kind).all(axis=1)]
-        faces = np.ascontiguousarray(scene.faces[chosen], np.int32)
         normal_map = None if scene.tangents is None else maps[kind[2]]()
-        indices = gl.context().buffer(faces.tobytes())
-        groups.append(Group(albedos[kind[0]](), roughs[kind[1]](), indices, int(kind[3]), normal_map))
+        indices = _indices(scene, chosen)
+        groups.append(Group(albedos[kind[0]](), roughs[kind[1]](), chosen, indices, int(kind[3]), normal_map))
     return order, groups
+
+
+def _some(scene: Scene, group: Group, faces: Bool[Array, " f"]) -> Group:
+    chosen = group.faces[faces[group.faces]]
+    return replace(group, faces=chosen, indices=_indices(scene, chosen) if len(chosen) else group.indices)
+
+
+def _indices(scene: Scene, chosen: Int[Array, " n"]) -> moderngl.Buffer:
+    return gl.context().buffer(np.ascontiguousarray(scene.faces[chosen], np.int32).tobytes())
 
 
 def _distinct(

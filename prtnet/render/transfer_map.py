@@ -101,3 +101,11 @@ def levels_by_distance(
 ) -> Float[Array, " n"]:
     """The level of detail at distances from the eye: the plain twin of `TransferMap.statements`."""
     return np.log2(np.maximum(away * pixel_angle(camera, size) / texel_size, 1))
+
+
+def padded_groups(values: Float[Array, "*n c"], groups: int) -> Float32[Array, "*n _"]:
+    """Each group of channels padded with 0 to a multiple of four."""
+    each = values.shape[-1] // groups
+    split = np.asarray(values, np.float32).reshape(*values.shape[:-1], groups, each)
+    room = [(0, 0)] * (split.ndim - 1) + [(0, -each % 4)]
+    return np.pad(split, room).reshape(*values.shape[:-1], -1)

@@ -21,8 +21,9 @@ from prtnet.render import reflectance
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import barycentric
 from prtnet.render.material import DIFFUSE, Material, radiance, shine
-from prtnet.render.method import Shaded, padded_groups
+from prtnet.render.method import Shaded
 from prtnet.render.raster import Raster
+from prtnet.render.transfer_map import padded_groups
 
 Array = np.ndarray
 

@@ -148,6 +148,8 @@ def test_what_needs_an_atlas_or_a_file_is_refused(marched):
     net = random_net(width=8, depth=1, bands=2, texels=(random_texels(4, 4),))
     with pytest.raises(PrtnetError, match="expected a net without texels"):
         NetMethod(marched, glsl.emit(net), texels=net.texels)
+    with pytest.raises(PrtnetError, match="no triangles to share out, expected fragment"):
+        marched.draws(NetMethod(marched, glsl.emit(random_net(bands=2))).program, None, np.ones(3, bool))
     with pytest.raises(PrtnetError, match=r"material\.roughness: found file for an implicit surface"):
         NetMethod(
             marched, glsl.emit(random_net(bands=2)), material=Material(**GLOSSY, roughness="file", product="full")

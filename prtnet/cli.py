@@ -39,6 +39,9 @@ def _job(composed: DictConfig) -> None:
     try:
         options = OmegaConf.to_object(composed)
         assert isinstance(options, config.Config)
+        if _swept():
+            # the points are what is spread; each does its own parts where it runs
+            options.cluster = config.ClusterOptions()
         pipeline.run(options, *_point())
     except PrtnetError as error:
         print(f"prtnet: {error}", file=sys.stderr)

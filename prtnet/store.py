@@ -253,9 +253,7 @@ class Store:
         shutil.rmtree(self.root / folder, ignore_errors=True)
         return artifact
 
-    def shard(
-        self, folder: str, shard: int, items: int, size: int, make: Callable[[int, slice], Arrays]
-    ) -> Artifact:
+    def shard(self, folder: str, shard: int, items: int, size: int, make: Callable[[int, slice], Arrays]) -> Artifact:
         """One shard of `put_shards`, with a lock of its own: processes that make others do not wait for it."""
 
         def timed() -> tuple[Arrays, Mapping[str, Any]]:

@@ -31,8 +31,9 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
 
         job = size(job, baked)
     if baked.points and last >= STAGES.index("train"):
-        from prtnet.pipeline.train import train
+        from prtnet.pipeline.train import train, train_as_job
 
+        train_as_job(job, baked.points)
         network = train(job, baked.points)
     if last >= STAGES.index("export"):
         from prtnet.pipeline.export import export

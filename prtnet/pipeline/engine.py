@@ -9,10 +9,9 @@ import logging
 import pickle
 import signal
 import threading
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +27,7 @@ from prtnet.store import Store
 log = logging.getLogger(__name__)
 
 ENGINES = ("process", "cores", "slurm")
+POOL: dict[str, Any] = {"backend": "loky", "batch_size": 1, "return_as": "generator_unordered"}
 POLL_SECONDS = 0.5  # between two looks at how far the parts are
 
 
@@ -106,7 +106,7 @@ def spread(
         return len(ended)
 
     with _watched(title, total or len(tasks), unit, reached or over):
-        if options.engine == "process":
+        if workers(options) == 1 and options.engine != "slurm":
             ended.update((task.name, _done(job, task)) for task in tasks)
         else:
             on_slurm = options.engine == "slurm"
@@ -152,25 +152,29 @@ def _done(job: Job, task: Task) -> str:
 
 
 def _over_cores(orders: Mapping[str, Order], options: ClusterOptions, ended: dict[str, str]) -> None:
-    """Every order in a process of joblib's pool; `ended` gets what each failed with, "" where it did not."""
-    from joblib import Parallel, delayed
-
-    count = min(workers(options), len(orders))
+    """Every order in a process of a pool; `ended` gets what each failed with, "" where it did not."""
     for attempt in range(options.retries + 1):
         left = [order for name, order in orders.items() if name not in ended]
-        if not left:
-            return
-        if attempt:
+        if attempt and left:
             log.warning("a job was killed: %d of %d are started again", len(left), len(orders))
-        share = max(1, cores() // count)
-        pool = Parallel(n_jobs=count, backend="loky", batch_size=1, return_as="generator_unordered")
-        try:
-            for name, failure in pool(delayed(_in_pool)(order, share) for order in left):
-                ended[name] = failure
-        except BrokenProcessPool:
-            continue  # one process was killed, and the pool ends with it
+        # a process that is killed takes the pool with it: the last time each has one to itself, and falls alone
+        alone = attempt == options.retries > 0
+        for together in [[order] for order in left] if alone else [left]:
+            _in_processes(together, workers(options), ended)
     for name in orders.keys() - ended.keys():
-        ended[name] = f"killed {options.retries + 1} times; see {orders[name].log}"
+        ended[name] = f"killed, attempts: {options.retries + 1}\n    log: {orders[name].log}"
+
+
+def _in_processes(orders: Sequence[Order], most: int, ended: dict[str, str]) -> None:
+    """Orders in a pool of joblib's, until one of its processes is killed."""
+    from joblib import Parallel, delayed
+
+    count = min(most, len(orders))
+    # for one job joblib would make no process
+    pool: Any = Parallel(n_jobs=max(2, count), **POOL)
+    with suppress(BrokenProcessPool):
+        for name, failure in pool(delayed(_in_pool)(order, max(1, cores() // count)) for order in orders):
+            ended[name] = failure
 
 
 def _in_pool(order: Order, share: int) -> tuple[str, str]:
@@ -185,7 +189,7 @@ def _in_pool(order: Order, share: int) -> tuple[str, str]:
     try:
         failure = work(order, share)
     except Exception as error:
-        handler.stream.write(traceback.format_exc())
+        logger.exception("no error of a user")
         failure = f"{type(error).__name__}: {error}"
     finally:
         logger.removeHandler(handler)

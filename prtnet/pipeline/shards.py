@@ -19,7 +19,7 @@ from prtnet.data.surface import Surface
 from prtnet.pipeline import engine
 from prtnet.pipeline.engine import Task
 from prtnet.pipeline.job import Job
-from prtnet.store import Artifact, Arrays
+from prtnet.store import Arrays, Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -36,8 +36,9 @@ class Gather:
     surface: Surface | None = None
     sent: Array | None = None
 
-    def __call__(self, *points: Any, **options: Any) -> Float32[Array, "n c"]:
-        """`points`: tracer, positions, normals."""
+    def __call__(self, tracer: Any, positions: Array, normals: Array, **options: Any) -> Float32[Array, "n c"]:
+        """What `prtnet.data.transfer` gives for the points, in one row each."""
+        points = (tracer, positions, normals)
         if self.kind == "bake":
             return transfer.bake(*points, bands=self.bands, **options)
         assert self.surface is not None
@@ -162,19 +163,24 @@ def make_some(
     for name, found, expected in (("scene", job.scene_key, scene), ("tracer", job.tracer.kind, tracer)):
         if found != expected:
             raise PrtnetError(
-                f"{job.scene.name}: found the {name} {found}, expected {expected} as where the run was started; let all "
-                "machines see the same files and have the same packages"
+                f"{job.scene.name}: found the {name} {found}, expected {expected} as where the run was started; "
+                "let all machines see the same files and have the same packages"
             )
     kept = job.store.get(f"{folder}/handed", {})
     if kept is None:
-        raise PrtnetError(f"{job.store.root / folder}: found no points, expected those of the run; share cache= with it")
-    work = _of_handed(kept.arrays, gather, bands, **plan)
-    items = len(work.positions)
-    for shard in range(first, store.shard_count(items, work.size), step):
-        job.store.shard(
-            folder, shard, items, work.size, lambda shard, items: work.make(job, shard, items, lambda done: None)
+        raise PrtnetError(
+            f"{job.store.root / folder}: found no points, expected those of the run; share cache= with it"
         )
-        log.info("shard %d", shard)
+    work = _of_handed(kept.arrays, gather, bands, **plan)
+    count = len(work.positions)
+    mine = range(first, store.shard_count(count, work.size), step)
+
+    def make(shard: int, items: slice) -> Arrays:
+        log.info("shard %d of %d to %d", shard, mine[0], mine[-1])
+        return work.make(job, shard, items, lambda done: None)
+
+    for shard in mine:
+        job.store.shard(folder, shard, count, work.size, make)
 
 
 def _handed(work: Bake) -> Arrays:

@@ -52,8 +52,8 @@ def check(options: ClusterOptions) -> None:
     asked = subprocess.run(["sbatch", *words], capture_output=True, text=True, check=False)
     if asked.returncode:
         raise PrtnetError(
-            f"cluster=slurm: SLURM refuses such jobs: {asked.stderr.strip()}; expected cluster.partition, minutes, memory "
-            "and cpus that it has; sinfo lists them"
+            f"cluster=slurm: SLURM refuses such jobs: {asked.stderr.strip()}; expected cluster.partition, minutes, "
+            "memory and cpus that it has; sinfo lists them"
         )
 
 
@@ -106,15 +106,13 @@ class Submitted:
             return None
         del self.missed[name]
         if self.attempts[name] > self.retries:
-            return f"killed {self.attempts[name]} times{_log_of(job)}"
+            return f"killed, attempts: {self.attempts[name]}{_log_of(job)}"
         log.warning("job %s of %s ended without a result and is submitted again", job.job_id, name)
         self.submit(name)
         return None
 
 
-def wait(
-    jobs: Submitted, ended: dict[str, str], queued: Callable[[Sequence[Any]], Mapping[str, str] | None]
-) -> None:
+def wait(jobs: Submitted, ended: dict[str, str], queued: Callable[[Sequence[Any]], Mapping[str, str] | None]) -> None:
     """Submit all orders and wait for them; Ctrl-C, or an error, cancels what has not ended."""
     said: Mapping[str, str] = {}
     try:
@@ -131,7 +129,8 @@ def wait(
                     del jobs.running[name]
     except submitit_errors() as error:
         raise PrtnetError(
-            f"cluster=slurm: a job could not be submitted: {error}; those that were are cancelled, what they made is kept"
+            f"cluster=slurm: a job could not be submitted: {error}; those that were are cancelled, and what they "
+            "have made is kept"
         ) from error
     finally:
         for job in jobs.running.values():
@@ -189,11 +188,44 @@ def _log_of(job: Any) -> str:
 
 
 def _queued(jobs: Sequence[Any]) -> dict[str, str] | None:
-    """State and reason of the user's jobs, by id; None where SLURM does not answer."""
-    command = ["squeue", "--noheader", f"--user={os.getuid()}", "--format=%i %T (%r)"]
-    asked = subprocess.run(command, capture_output=True, text=True, check=False)
-    if asked.returncode:
-        return None
+    """State and reason of the jobs that are still to run or running, by id; None where SLURM does not answer."""
+    asked = subprocess.run(_queue_command(), capture_output=True, text=True, check=False)
     own = {job.job_id for job in jobs}
-    states = dict(line.strip().split(" ", 1) for line in asked.stdout.splitlines() if line.strip())
-    return {job: words for job, words in states.items() if job in own}
+    return None if asked.returncode else {job: words for job, words in _states(asked.stdout).items() if job in own}
+
+
+def _queue_command() -> list[str]:
+    return ["squeue", "--noheader", "--array", f"--user={os.getuid()}", "--format=%i %T (%r)"]
+
+
+def _states(listed: str) -> dict[str, str]:
+    """State and reason by id, of what the command above prints; a point of a sweep has the id JOB_INDEX."""
+    return dict(line.strip().split(" ", 1) for line in listed.splitlines() if line.strip())
+
+
+def ask_the_queue() -> None:
+    """Have submitit ask squeue after the points of a sweep, too: without accounts it would wait for a killed one for
+    ever."""
+    from submitit.core.core import InfoWatcher
+    from submitit.slurm.slurm import SlurmJob
+
+    class QueueWatcher(InfoWatcher):
+        def _make_command(self) -> list[str] | None:
+            return _queue_command() if self._registered - self._finished else None
+
+        def read_info(self, string: bytes | str) -> dict[str, dict[str, str]]:
+            there = _states(string if isinstance(string, str) else string.decode())
+            return {job: {"State": there.get(job, "GONE").split(" ")[0]} for job in self._registered}
+
+        def get_state(self, job_id: str, mode: str = "standard") -> str:
+            return self.get_info(job_id, mode=mode).get("State", "UNKNOWN")
+
+        def is_done(self, job_id: str, mode: str = "standard") -> bool:
+            return self.get_state(job_id, mode) == "GONE"
+
+    SlurmJob.watcher = QueueWatcher(delay_s=30)
+
+
+def cancel(name: str) -> None:
+    """Cancel all jobs of a name, the points of a sweep."""
+    subprocess.run(["scancel", f"--name={name}", f"--user={os.getuid()}"], check=False)

@@ -25,6 +25,7 @@ from prtnet.store import Artifact
 
 Array = np.ndarray
 
+
 @dataclass(frozen=True)
 class Received:
     """Transfer of points and what it took."""

@@ -5,9 +5,11 @@ Needs root and Debian's slurm-wlm, munge and iproute2. What is started is stoppe
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 
 TEMPLATE = Path(__file__).with_name("slurm.conf")
@@ -79,6 +81,18 @@ class TwoNodes:
         daemon = self.daemons.pop(name)
         daemon.kill()
         daemon.wait()
+
+    def kill_job(self, job: str) -> None:
+        """SIGKILL to the program of a job, as when memory runs out; scancel would ask it first, and wait."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                words = (process / "environ").read_bytes().split(b"\0")
+                if f"SLURM_JOB_ID={job}".encode() in words and b"submitit.core" in (process / "cmdline").read_bytes():
+                    found.append(int(process.name))
+        assert found, f"no process of job {job}"
+        for process in found:
+            os.kill(process, signal.SIGKILL)
 
     def command(self, *words: str) -> str:
         """What a command of SLURM prints."""

@@ -72,7 +72,8 @@ def run(orders: Mapping[str, "Order"], options: ClusterOptions, ended: dict[str,
         **({"slurm_partition": options.partition} if options.partition else {}),
     )
     log.info("%d jobs of SLURM, logs in %s", len(orders), folder)
-    wait(Submitted(executor, orders, options.cpus, options.retries), ended, _queued)
+    most = options.workers if options.workers > 0 else len(orders)
+    wait(Submitted(executor, orders, options.cpus, options.retries, most), ended, _queued)
 
 
 @dataclass
@@ -83,6 +84,7 @@ class Submitted:
     orders: Mapping[str, "Order"]
     cpus: int
     retries: int
+    most: int  # at a time
     running: dict[str, Any] = field(default_factory=dict)
     attempts: dict[str, int] = field(default_factory=dict)
     missed: dict[str, float] = field(default_factory=dict)  # when a job without a result was first not in the queue
@@ -115,10 +117,11 @@ class Submitted:
 def wait(jobs: Submitted, ended: dict[str, str], queued: Callable[[Sequence[Any]], Mapping[str, str] | None]) -> None:
     """Submit all orders and wait for them; Ctrl-C, or an error, cancels what has not ended."""
     said: Mapping[str, str] = {}
+    later = list(jobs.orders)
     try:
-        for name in jobs.orders:
-            jobs.submit(name)
-        while jobs.running:
+        while jobs.running or later:
+            while later and len(jobs.running) < jobs.most:
+                jobs.submit(later.pop(0))
             time.sleep(POLL_SECONDS)
             states = queued(list(jobs.running.values()))
             said = _say(states or {}, said)

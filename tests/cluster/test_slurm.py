@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slurm, pytest.mark.skipif(bool(lacking()), reason=lack
 CHECKOUT = Path(__file__).resolve().parents[2]
 # a dozen shards of a second or two
 BAKE = {"samples__count": 1_500_000, "samples__directions": 512, "methods": "[texture,net]", "stages": "[train]"}
-ON_SLURM = ("cluster=slurm", "cluster.cpus=1", "cluster.workers=2")
+ON_SLURM = ("cluster=slurm", "cluster.cpus=1", "cluster.workers=2", "cluster.least_shards=2")
 
 
 @pytest.fixture(scope="module")

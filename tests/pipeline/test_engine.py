@@ -147,7 +147,7 @@ def test_a_job_of_submitit_is_submitted_again_when_it_is_killed(tmp_path, monkey
     order = Order(Task("part", tasks.fails_after_it_died, {}), engine._description(opened(tmp_path, "process")), None)
     ended: dict[str, str] = {}
     executor = submitit.AutoExecutor(tmp_path / "jobs", cluster="local")
-    jobs = slurm.Submitted(executor, {"part": order}, cpus=1, retries=1)
+    jobs = slurm.Submitted(executor, {"part": order}, cpus=1, retries=1, most=1)
     slurm.wait(jobs, ended, lambda jobs: {job.job_id: "" for job in jobs if job.state == "RUNNING"})
     assert ended["part"].startswith("number: found 1, expected another\n    log: ")
     assert jobs.attempts == {"part": 2}

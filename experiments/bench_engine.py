@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results" / "bench_engine.csv"
-POINTS, DIRECTIONS = 4_000_000, 512
+POINTS, DIRECTIONS = 2_000_000, 1024
 
 
 def bake(workers: int) -> dict[str, float]:

@@ -14,8 +14,10 @@ from jaxtyping import Float, Float32
 
 from prtnet import PrtnetError, console, sh, store
 from prtnet.data import transfer
+from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import Samples
 from prtnet.data.surface import Surface
+from prtnet.data.tracer import Tracer
 from prtnet.pipeline import engine
 from prtnet.pipeline.engine import Task
 from prtnet.pipeline.job import Job
@@ -23,6 +25,7 @@ from prtnet.store import Arrays, Artifact
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
+Rays = Tracer | MarchTracer
 
 SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
 
@@ -62,10 +65,10 @@ class Bake:
     salt: int  # of the rays' rotations
     size: int  # points of a shard
 
-    def make(self, job: Job, shard: int, items: slice, progress: Callable[[int], None]) -> Arrays:
+    def make(self, job: Job, tracer: Rays, shard: int, items: slice, progress: Callable[[int], None]) -> Arrays:
         """One shard: {"transfer": "n c"}."""
         values = self.gather(
-            job.tracer,
+            tracer,
             self.positions[items],
             self.normals[items],
             directions=self.directions,
@@ -88,20 +91,27 @@ def in_shards(
     title: str,
     salt: int,
     announce: int,
+    tracer: Rays | None = None,
 ) -> Artifact:
-    """An artifact of what `gather` finds at the points. The estimate is for `announce` such bakes, 0 for none."""
+    """An artifact of what `gather` finds at the points by the rays of `tracer`, or the job's.
+
+    The estimate is for `announce` such bakes, 0 for none.
+    """
     inputs = dict(inputs) | {"directions": directions, "kind": job.config.transfer.kind}
+    rays = tracer or job.tracer
+    if job.implicit:
+        inputs["tracer"] = rays.kind
     size = max(1, SHARD_RAYS // directions)
     work = Bake(gather, points.positions, points.normals, points.geometric_normals, directions, salt, size)
 
     def bake() -> Artifact:
         count = len(work.positions)
         if announce * count * directions > SHARD_RAYS // 4:
-            _estimate(job, title, points, directions, announce)
-        _spread(job, store.shards_folder(stage, inputs), title, work)
+            _estimate(job, rays, title, points, directions, announce)
+        _spread(job, rays, store.shards_folder(stage, inputs), title, work)
         with console.progress(title, count, "points") as reach:
             artifact = job.store.put_shards(
-                stage, inputs, count, size, lambda shard, items: work.make(job, shard, items, reach)
+                stage, inputs, count, size, lambda shard, items: work.make(job, rays, shard, items, reach)
             )
         seconds = artifact.facts["seconds"]
         rate = count * directions / max(seconds, 1e-9) / 1e6
@@ -113,7 +123,7 @@ def in_shards(
     return job.store.once(stage, inputs, bake)
 
 
-def _spread(job: Job, folder: str, title: str, work: Bake) -> None:
+def _spread(job: Job, rays: Rays, folder: str, title: str, work: Bake) -> None:
     """Have the shards made by the engine's workers, where there are enough of them; the caller finds them."""
     shards = store.shard_count(len(work.positions), work.size)
 
@@ -128,7 +138,7 @@ def _spread(job: Job, folder: str, title: str, work: Bake) -> None:
     shared = {
         "folder": folder,
         "scene": job.scene_key,
-        "tracer": job.tracer.kind,
+        "tracer": rays.kind,
         "gather": work.gather.kind,
         "bands": work.gather.bands,
         "directions": work.directions,
@@ -160,7 +170,8 @@ def make_some(
 
     Raises PrtnetError where this process has another scene or tracer than the one that asks.
     """
-    for name, found, expected in (("scene", job.scene_key, scene), ("tracer", job.tracer.kind, tracer)):
+    rays = job.marched if job.implicit and tracer == MarchTracer.kind else job.tracer
+    for name, found, expected in (("scene", job.scene_key, scene), ("tracer", rays.kind, tracer)):
         if found != expected:
             raise PrtnetError(
                 f"{job.scene.name}: found the {name} {found}, expected {expected} as where the run was started; "
@@ -177,7 +188,7 @@ def make_some(
 
     def make(shard: int, items: slice) -> Arrays:
         log.info("shard %d of %d to %d", shard, mine[0], mine[-1])
-        return work.make(job, shard, items, lambda done: None)
+        return work.make(job, rays, shard, items, lambda done: None)
 
     for shard in mine:
         job.store.shard(folder, shard, count, work.size, make)
@@ -198,10 +209,10 @@ def _of_handed(arrays: Arrays, kind: str, bands: int, **plan: int) -> Bake:
     return Bake(gather, arrays["positions"], arrays["normals"], arrays["geometric_normals"], **plan)
 
 
-def _estimate(job: Job, title: str, points: Samples, directions: int, times: int) -> None:
-    rate = engine.threads(job) * job.tracer.measure(points.positions, points.normals)
+def _estimate(job: Job, rays: Rays, title: str, points: Samples, directions: int, times: int) -> None:
+    rate = engine.threads(job) * rays.measure(points.positions, points.normals)
     count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
     title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
-    title += f" at {rate / 1e6:.1f} Mray/s with the {job.tracer.kind} tracer"
+    title += f" at {rate / 1e6:.1f} Mray/s with the {rays.kind} tracer"
     seconds = times * count * directions / rate
     console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)

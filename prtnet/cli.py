@@ -4,9 +4,11 @@ import logging
 import os
 import shlex
 import sys
+import time
 from pathlib import Path
 
 import hydra
+from hydra import compose, initialize_config_dir
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import CompactHydraException, OverrideParseException
@@ -17,6 +19,7 @@ from prtnet import PrtnetError, config
 
 PACKAGE = Path(__file__).resolve().parent
 COMMAND = "PRTNET_COMMAND"  # as it was typed: the processes of a launcher see the environment, and only their own point
+JOBS = "PRTNET_JOBS"  # the name of a sweep's jobs on SLURM, by which they are cancelled
 
 
 class PointFailed(CompactHydraException):
@@ -39,15 +42,28 @@ def _job(composed: DictConfig) -> None:
     try:
         options = OmegaConf.to_object(composed)
         assert isinstance(options, config.Config)
+        if _swept():
+            # the points are what is spread; each does its own parts where it runs
+            options.cluster = config.ClusterOptions()
         pipeline.run(options, *_point())
     except PrtnetError as error:
-        print(f"prtnet: {error}", file=sys.stderr)
+        code = _said(error)
         if _swept():
             raise PointFailed("prtnet: a point of the sweep failed, see above; the others are done") from None
-        raise SystemExit(2) from None
+        raise SystemExit(code) from None
     except KeyboardInterrupt:
-        print("prtnet: interrupted; the same command goes on from here", file=sys.stderr)
-        raise SystemExit(130) from None
+        raise SystemExit(_interrupted()) from None
+
+
+def _said(error: PrtnetError) -> int:
+    """Print the message of an error; the exit code that goes with it."""
+    print(f"prtnet: {error}", file=sys.stderr)
+    return 2
+
+
+def _interrupted() -> int:
+    print("prtnet: interrupted; the same command goes on from here", file=sys.stderr)
+    return 130
 
 
 def _point() -> tuple[str, str | None, str]:
@@ -81,17 +97,51 @@ def _with_point_names(arguments: list[str]) -> list[str]:
     ]
 
 
+def _prepare_slurm(arguments: list[str]) -> None:
+    """What Hydra would not say well, before it looks for its launcher and hands the points of a sweep to it.
+
+    Raises PrtnetError where the launcher or SLURM is absent, or SLURM refuses such jobs.
+    """
+    from prtnet.pipeline import slurm
+
+    slurm.check_installed()
+    if not {"-m", "--multirun"} & set(arguments):
+        return
+    with initialize_config_dir(str(config_folder()), version_base="1.3"):
+        composed = compose("config", [word for word in arguments if word.startswith("cluster")])
+    options = OmegaConf.to_object(composed)
+    assert isinstance(options, config.Config)
+    slurm.check(options.cluster)
+    slurm.ask_the_queue()
+
+
 def main() -> None:
     """Entry point. Exit codes: 0 done, 1 a key or value refused, 2 a PrtnetError, 130 interrupted."""
     config.register()
     os.environ[COMMAND] = shlex.join(["prtnet", *sys.argv[1:]])
+    on_slurm = "cluster=slurm" in sys.argv[1:]
+    if on_slurm:
+        os.environ[JOBS] = f"prtnet-{os.getpid()}-{time.time_ns():x}"
+        try:
+            _prepare_slurm(sys.argv[1:])
+        except PrtnetError as error:
+            raise SystemExit(_said(error)) from None
     sys.argv[1:] = _with_point_names(sys.argv[1:])
     try:
         _job()
+    except KeyboardInterrupt:
+        if on_slurm:
+            from prtnet.pipeline import slurm
+
+            slurm.cancel(os.environ[JOBS])
+        raise SystemExit(_interrupted()) from None
     except SystemExit as stop:
         # Hydra's own exit code is 1 whatever a sweep ended with
         if isinstance(stop.__context__, PointFailed):
             raise SystemExit(2) from None
+        if on_slurm and type(stop.__context__).__name__ == "UncompletedJobError":
+            lost = PrtnetError("a job of the sweep was killed, see above; the same command makes what is missing")
+            raise SystemExit(_said(lost)) from None
         raise
 
 

@@ -72,6 +72,26 @@ class TransferOptions:
 
 
 @dataclass
+class ClusterOptions:
+    """Of the engine that runs independent parts of a run: shards of a bake, networks of a split scene, sweep points.
+
+    It changes no result.
+    """
+
+    # process = one part after the other, here; cores = over those of this machine; slurm = as jobs, by submitit
+    engine: str = "process"
+    workers: int = -1  # parts at a time; -1 = as many as this machine has cores
+    least_shards: int = 2  # of a bake, for each worker: a shard is a second or two of rays
+    retries: int = 2  # of a part that was killed or preempted, or ran out of time
+    folder: str = "runs/jobs"  # of logs; on SLURM the nodes have to share it, as they do out= and cache=
+    # of each SLURM job
+    partition: str | None = None  # SLURM's own default when left out
+    minutes: int = 120
+    memory: int | None = None  # GB; SLURM's own default when left out
+    cpus: int = 2
+
+
+@dataclass
 class SamplesOptions:
     count: int = 1_600_000  # area-uniform training points
     directions: int | None = 128  # rays per training point; transfer.directions, as texels have, when left out
@@ -192,6 +212,7 @@ class Config:
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out
     device: str = "auto"  # of training: cpu, cuda, or auto = cuda where torch sees one
     threads: int | None = None  # of ray tracing; all cores when left out
+    cluster: ClusterOptions = field(default_factory=ClusterOptions)
     seed: int = 0  # of points and rays; scene.seed and train.seed are their own
 
 

@@ -50,7 +50,8 @@ def atomic(path: Path) -> Iterator[Path]:
     Whatever writes the file, those may read it whom the umask lets. Raises PrtnetError where the folder cannot be
     written or is full.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    # machines that share the folder have processes of equal numbers
+    temporary = path.with_name(f".{path.name}.{os.uname().nodename}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         mode = _usual_mode(temporary)
@@ -241,19 +242,33 @@ class Store:
     ) -> Artifact:
         """Put the rows of `items` items, made `size` at a time by make(shard, items of the shard), with their seconds.
 
-        Each shard is kept as soon as it is there, until the whole artifact is: a killed run goes on.
+        Each shard is kept as soon as it is there, until the whole artifact is: a killed run goes on, and what other
+        processes have made by `shard` is found.
         """
-        folder = f"{stage}/{content_key(inputs)}.shards"
-
-        def timed(shard: int) -> tuple[Arrays, Mapping[str, Any]]:
-            start = time.perf_counter()
-            arrays = make(shard, slice(shard * size, min(items, (shard + 1) * size)))
-            return arrays, {"seconds": time.perf_counter() - start}
-
-        count = max(1, -(-items // size))
-        parts = [self.make(folder, {"shard": shard}, lambda shard=shard: timed(shard)) for shard in range(count)]
+        folder = shards_folder(stage, inputs)
+        parts = [self.shard(folder, shard, items, size, make) for shard in range(shard_count(items, size))]
         whole = {name: np.concatenate([part.arrays[name] for part in parts]) for name in parts[0].arrays}
         facts = {"seconds": sum(part.facts["seconds"] for part in parts)}
         artifact = self.put(stage, inputs, lambda path: save_arrays(path, whole), facts)
         shutil.rmtree(self.root / folder, ignore_errors=True)
         return artifact
+
+    def shard(self, folder: str, shard: int, items: int, size: int, make: Callable[[int, slice], Arrays]) -> Artifact:
+        """One shard of `put_shards`, with a lock of its own: processes that make others do not wait for it."""
+
+        def timed() -> tuple[Arrays, Mapping[str, Any]]:
+            start = time.perf_counter()
+            arrays = make(shard, slice(shard * size, min(items, (shard + 1) * size)))
+            return arrays, {"seconds": time.perf_counter() - start}
+
+        return self.make(folder, {"shard": shard}, timed)
+
+
+def shards_folder(stage: str, inputs: Mapping[str, Any]) -> str:
+    """The stage under which the shards of an artifact are kept until it is whole."""
+    return f"{stage}/{content_key(inputs)}.shards"
+
+
+def shard_count(items: int, size: int) -> int:
+    """How many shards of `size` items there are."""
+    return max(1, -(-items // size))

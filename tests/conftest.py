@@ -27,12 +27,14 @@ install_import_hook(_modules(), "tests.shapes.check")
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--gpu", action="store_true", help="run the tests that need a GPU")
     parser.addoption("--cuda", action="store_true", help="run the tests that need the CUDA toolkit")
+    parser.addoption("--slurm", action="store_true", help="run the tests that start a SLURM of two nodes")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     reasons = {
         "gpu": "needs a GPU: ./run gpu-check on a machine that has one",
         "cuda": "needs the CUDA toolkit, and minutes: ./run cuda-test",
+        "slurm": "needs root, slurm-wlm and munge, and minutes: ./run cluster-test",
     }
     for word, reason in reasons.items():
         if config.getoption(f"--{word}"):

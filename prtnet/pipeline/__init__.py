@@ -17,9 +17,11 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     Raises PrtnetError for whatever the user can mend.
     """
     # each stage imports what it needs, so that `stages=[bake]` never waits for torch
+    from prtnet.pipeline import engine
     from prtnet.pipeline.bake import bake
     from prtnet.pipeline.job import open_job
 
+    engine.check(config.cluster)
     job = open_job(config, command, sweep_point)
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
@@ -33,8 +35,9 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
 
         job = size(job, baked)
     if baked.points and "net" in config.methods and last >= STAGES.index("train"):
-        from prtnet.pipeline.train import train
+        from prtnet.pipeline.train import train, train_as_job
 
+        train_as_job(job, baked.points)
         network = train(job, baked.points)
     if last >= STAGES.index("export"):
         from prtnet.pipeline.export import export

@@ -121,6 +121,13 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     """Check all options before any work, load and centre the scene, make the run folder. Raises PrtnetError."""
     config = scenes.with_methods(config)
     _check(config)
+    job = opened(config, command, sweep_point)
+    write_text(job.out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))
+    return job
+
+
+def opened(config: Config, command: str, sweep_point: str | None) -> Job:
+    """The job of options that have been checked, without its run folder. Raises PrtnetError for scene and light."""
     chosen = _light(config.light)
     _display(config).check(chosen)
     loaded = scenes.load(config)
@@ -131,7 +138,6 @@ def open_job(config: Config, command: str, sweep_point: str | None) -> Job:
     out = base / sweep_point if sweep_point else base
     store = Store(Path(config.cache) if config.cache else base / "cache")
     log.info("%s: %d triangles in %d parts -> %s", found.name, len(found.faces), len(found.materials), out)
-    write_text(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.structured(config)))
     return Job(config, out, store, found, loaded.frame, chosen, command, loaded.implicit)
 
 

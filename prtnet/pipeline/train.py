@@ -12,8 +12,10 @@ from prtnet.models import memory
 from prtnet.models import train as training
 from prtnet.models.train import Points
 from prtnet.netspec import NetSpec
+from prtnet.pipeline import engine
 from prtnet.pipeline.atlas import inputs_of
-from prtnet.pipeline.bake import NetPoints, PointSet
+from prtnet.pipeline.bake import NetPoints, PointSet, bake
+from prtnet.pipeline.engine import Task
 from prtnet.pipeline.job import Job
 from prtnet.store import Artifact
 
@@ -37,6 +39,20 @@ def train(job: Job, points: NetPoints, rate: float | None = None) -> Trained:
     inputs = _inputs(job, points)
     kept = job.store.once("net", inputs, lambda: _train(job, points, inputs, rate))
     return Trained(kept.key, netspec.load(kept.path), kept.facts)
+
+
+def train_as_job(job: Job, points: NetPoints) -> None:
+    """Where the engine is SLURM, have the net trained by a job of it; `train` finds it then."""
+    key = job.store.path("net", _inputs(job, points)).stem
+    if job.config.cluster.engine == "slurm" and job.store.get("net", _inputs(job, points)) is None:
+        engine.spread(job, "train", [Task(f"net-{key}", train_baked, {})])
+
+
+def train_baked(job: Job) -> None:
+    """Train the net of a job whose points are in the store."""
+    points = bake(job).points
+    assert points is not None
+    train(job, points)
 
 
 def planned(job: Job, points: NetPoints) -> tuple[int, float]:

@@ -4,16 +4,15 @@ With `transfer.transport=interreflected` transfer has four groups of k channels:
 bounces for red, green and blue, for the diffuse part. Otherwise it has one, direct.
 """
 
-import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 
-from prtnet import console, sh
-from prtnet.data import samples, surface, transfer
+from prtnet import sh
+from prtnet.data import surface
 from prtnet.data.atlas import Atlas
 from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.samples import Samples
@@ -21,14 +20,10 @@ from prtnet.data.surface import Surface
 from prtnet.data.texture import Texels
 from prtnet.data.tracer import Tracer
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.shards import Gather, in_shards
 from prtnet.store import Artifact
 
-log = logging.getLogger(__name__)
 Array = np.ndarray
-# (tracer, positions, normals, directions=, rng=, ...) -> values of the points
-Gather = Callable[..., Array]
-
-SHARD_RAYS = 1 << 26  # rays between two saves: a second or two of work that a kill can cost
 
 
 @dataclass(frozen=True)
@@ -67,12 +62,8 @@ def traced(
     added here. The estimate that is printed is for `announce` such bakes, 0 for none.
     """
     inputs = dict(inputs) | {"bands": job.config.transfer.bands}
-    bands = job.config.transfer.bands
-
-    def gather(*args: Any, **options: Any) -> Array:
-        return transfer.bake(*args, bands=bands, **options)
-
-    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, announce, tracer)
+    gather = Gather("bake", job.config.transfer.bands)
+    return in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, announce, tracer)
 
 
 def received(
@@ -140,12 +131,8 @@ def incident(
     inputs = dict(inputs) | {"radiosity": radiosity.key, "light": light.tolist(), "bands": bands}
     both = min(radiosity.sent.shape[1], len(light))
     sent = np.einsum("tkc,kc->tc", radiosity.sent[:, :both], light[:both]).astype(np.float32)
-
-    def gather(tracer: Any, positions: Array, normals: Array, **options: Any) -> Array:
-        found = transfer.incident(tracer, positions, normals, radiosity.surface, sent, bands=bands, **options)
-        return found.reshape(len(positions), -1)
-
-    return _in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, 0)
+    gather = Gather("incident", bands, radiosity.surface, sent)
+    return in_shards(job, stage, inputs, points, directions, gather, title or stage, salt, 0)
 
 
 def grouped(direct: Float[Array, "n k"], bounced: Float[Array, "n _"]) -> Float32[Array, "n _"]:
@@ -165,70 +152,5 @@ def _bounced(
 ) -> Artifact:
     """{"transfer": "n 3k"}: what comes to points from other surfaces, as responses to the light's coefficients."""
     inputs = dict(inputs) | {"radiosity": radiosity.key, "bands": job.config.transfer.bands}
-
-    def gather(tracer: Any, positions: Array, normals: Array, **options: Any) -> Array:
-        found = transfer.bounce(tracer, positions, normals, radiosity.surface, radiosity.sent, **options)
-        return found.reshape(len(positions), -1)
-
-    return _in_shards(job, stage, inputs, points, directions, gather, title, 1, 1)
-
-
-def _in_shards(
-    job: Job,
-    stage: str,
-    inputs: Mapping[str, Any],
-    points: Samples,
-    directions: int,
-    gather: Gather,
-    title: str,
-    salt: int,
-    announce: int,
-    tracer: Tracer | MarchTracer | None = None,
-) -> Artifact:
-    """An artifact of what `gather` finds at the points: a killed bake goes on where it was."""
-    inputs = dict(inputs) | {"directions": directions, "kind": job.config.transfer.kind}
-    tracer = tracer or job.tracer
-    if job.implicit:
-        inputs["tracer"] = tracer.kind
-
-    def bake() -> Artifact:
-        count = len(points.positions)
-        if announce * count * directions > SHARD_RAYS // 4:
-            _estimate(job, title, points, directions, announce, tracer)
-        with console.progress(title, count, "points") as reach:
-
-            def make(shard: int, items: slice) -> dict[str, Array]:
-                part = samples.select(points, np.arange(items.start, items.stop))
-                values = gather(
-                    tracer,
-                    part.positions,
-                    part.normals,
-                    directions=directions,
-                    # a generator per shard: its points' rotations do not depend on which shards this process bakes
-                    rng=np.random.default_rng([job.config.seed, salt, shard]),
-                    geometric_normals=part.geometric_normals,
-                    kind=job.config.transfer.kind,
-                    progress=lambda done: reach(items.start + done),
-                    threads=job.config.threads,
-                )
-                return {"transfer": values}
-
-            artifact = job.store.put_shards(stage, inputs, count, max(1, SHARD_RAYS // directions), make)
-        seconds = artifact.facts["seconds"]
-        rate = count * directions / max(seconds, 1e-9) / 1e6
-        log.info(
-            "%s: %d points x %d rays in %s (%.1f Mray/s)", title, count, directions, console.duration(seconds), rate
-        )
-        return artifact
-
-    return job.store.once(stage, inputs, bake)
-
-
-def _estimate(job: Job, title: str, points: Samples, directions: int, times: int, tracer: Tracer | MarchTracer) -> None:
-    threads = job.config.threads or transfer.cores()
-    rate = threads * tracer.measure(points.positions, points.normals)
-    count, row = len(points.positions), 4 * sh.count(job.config.transfer.bands)
-    title = f"{title}{f' and {times - 1} more' if times > 1 else ''}: {count} points x {directions} rays"
-    title += f" at {rate / 1e6:.1f} Mray/s with the {tracer.kind} tracer"
-    seconds = times * count * directions / rate
-    console.estimate(title, seconds=seconds, memory=3 * count * row, disk=times * count * row)
+    gather = Gather("bounce", job.config.transfer.bands, radiosity.surface, radiosity.sent)
+    return in_shards(job, stage, inputs, points, directions, gather, title, 1, 1)

@@ -72,8 +72,9 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         drawing = drawing_of(job, baked)
         views = add_exact(job, views_of(job, drawing, coefficients, baked.radiosity))
         methods = make_all(job, baked, trained, exported, drawing)
-        split = exported.clusters if isinstance(drawing, Raster) else None
-        places = surfaces(job, split.spec, drawing, views) if split else []
+        places: list[Surface] = []
+        if exported.clusters and isinstance(drawing, Raster):
+            places = surfaces(job, exported.clusters.spec, drawing, views)
         return _draw_and_score(job, methods, views, coefficients, baked.radiosity, places)
 
     made = job.store.make("score", inputs, make)

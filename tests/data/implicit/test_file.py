@@ -15,7 +15,8 @@ from prtnet.data.implicit.operators import difference, moved, turned, union
 from prtnet.data.implicit.shapes import box, capsule, chain, sphere
 from tests.data.implicit.bounds import distances, points
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "implicit.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[3]
+PAGE, README = ((ROOT / name).read_text(encoding="utf-8") for name in ("docs/implicit.md", "README.md"))
 YAML = """
 name: bowl
 bounds: [[-1.2, -0.6, -1.2], [1.2, 1, 1.2]]
@@ -154,7 +155,8 @@ def test_files_that_are_none(tmp_path):
 
 @pytest.mark.parametrize(("language", "suffix"), [("yaml", ".yaml"), ("python", ".py")])
 def test_examples_of_the_documentation_are_surfaces(tmp_path, language, suffix):
-    for text in re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL):
+    pages = PAGE + README if language == "yaml" else PAGE
+    for text in re.findall(rf"```{language}\n(.*?)```", pages, re.DOTALL):
         check(file.read(written(tmp_path, text, suffix)))
 
 

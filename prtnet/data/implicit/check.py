@@ -23,6 +23,7 @@ NEAR = 1500  # points on the surface
 STEPS = 8  # towards it
 # of the slope above `lipschitz`: rounding, and the ends of smooth blends
 SLACK = 1.02
+LONGEST = 20_000  # operations of a distance: compilers take minutes above it
 FLAT = 0.05  # a slope below this share of `lipschitz` is worth a warning
 
 
@@ -41,6 +42,11 @@ def check(made: Described) -> None:
     low, high = np.asarray(made.low, np.float64), np.asarray(made.high, np.float64)
     if not (np.isfinite([low, high]).all() and (low < high).all()):
         raise PrtnetError(f"{made.name}: bounds: found {made.low} to {made.high}, expected a box")
+    if len(made.field.program) > LONGEST:
+        raise PrtnetError(
+            f"{made.name}: the distance takes {len(made.field.program)} operations, expected at most {LONGEST}: say "
+            "copies by mirrored, repeated or around, which fold space, or leave shapes out"
+        )
     rng, size = np.random.default_rng(0), float((high - low).max())
     points = low + (high - low) * rng.random((INSIDE, 3))
     faces = _faces(low, high)
@@ -53,8 +59,8 @@ def check(made: Described) -> None:
         raise PrtnetError(f"{made.name}: {_outside(made, surface[~within][0])}")
     # beside the surface, where rays start and slow down
     beside = surface + rng.normal(scale=0.02 * size, size=surface.shape)
-    steepest = max(_secants(made, points, values, size, rng), _gradients(made, np.concatenate([surface, beside])))
-    _refuse_steep(made, steepest)
+    measured = _secants(made, points, values, size, rng), _gradients(made, np.concatenate([surface, beside]))
+    _refuse_steep(made, max(measured, key=lambda slope: slope.value))
     _warn_flat(made, beside)
 
 

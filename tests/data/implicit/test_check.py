@@ -60,6 +60,12 @@ def test_bounds_that_are_no_box(low, high):
         check(surface(sphere(0.5), low=low, high=high))
 
 
+def test_too_long_for_compilers(monkeypatch):
+    monkeypatch.setattr("prtnet.data.implicit.check.LONGEST", 5)
+    with pytest.raises(PrtnetError, match="expected at most 5: say copies"):
+        check(surface(sphere(0.5)))
+
+
 def test_declared_slopes_pass():
     check(surface(lambda p: 2 * sphere(0.5)(p), lipschitz=2))
     check(surface(lambda p: (p[0] ** 2 + p[1] ** 2 + p[2] ** 2) - 0.25, lipschitz=4.4))

@@ -147,6 +147,7 @@ def test_grown_hollow_and_stretched_shapes():
     stretched = o.stretched(sphere(1), 0.5, 1, 0.25)
     inside = ((points() / (0.5, 1, 0.25)) ** 2).sum(axis=1) < 1
     np.testing.assert_array_equal(distances(stretched, points()) < 0, inside)
+    slopes_are_bounded(stretched)
 
 
 def test_a_surface_beside_its_parts_moves_with_them():

@@ -23,6 +23,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
 
     engine.check(config.cluster)
     job = open_job(config, command, sweep_point)
+    config = job.config  # with the methods of the scene where none were named
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     network = clusters = None

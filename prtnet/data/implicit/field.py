@@ -20,6 +20,7 @@ from prtnet.data.scene import Frame
 
 Array = np.ndarray
 
+LEAST_SLOPE, STEP = 1e-3, 1e-5  # below that slope, differences over twice that step
 CHUNK = 1 << 14  # points whose steps stay in the cache
 
 _PYTHON = {
@@ -143,7 +144,16 @@ def _evaluated(program: Program, points: Float[Array, "n 3"]) -> Float[Array, "n
 
 
 def unit_gradient(field: Field, points: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    """Normals: gradients of unit length, upwards where there is none."""
+    """Normals: gradients of unit length, upwards where there is none.
+
+    Exactly on the face of a box the two branches of its distance meet and neither has a slope: differences have.
+    """
     found = field.gradient(points)
     length = np.linalg.norm(found, axis=1, keepdims=True)
+    flat = np.flatnonzero(length < LEAST_SLOPE)
+    if len(flat):
+        sides = [np.asarray(points, np.float64)[flat] + side * STEP * np.eye(3)[:, None] for side in (1, -1)]
+        ahead, behind = (field.distance(side.reshape(-1, 3)).reshape(3, -1) for side in sides)
+        found[flat] = (ahead - behind).T / (2 * STEP)
+        length[flat] = np.linalg.norm(found[flat], axis=1, keepdims=True)
     return np.where(length > 1e-12, found / np.maximum(length, 1e-12), np.array([0.0, 1.0, 0.0]))

@@ -25,9 +25,9 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 
 # In unit lengths. See experiments/results/bench_implicit.csv for the error that each leaves.
-OFFSET = 1e-4
+OFFSET = 5e-5
 EPSILON = 5e-6
-STEPS = 512
+STEPS = 1024
 CELLS = 48  # of the grid in which the surface's box is looked for, along each axis
 
 

@@ -31,7 +31,6 @@ Distance = Callable[[Array], Array]
 BLOCK = 8  # samples along each side of a block that is looked into or not
 LEAST_AREA = 1e-6  # in squares of a voxel: triangles below it are dropped
 FRAME_RESOLUTION = 64  # of the mesh whose extent makes the frame
-OFFSET = 0.35  # voxels at which rays start off the surface, so that the mesh's own chords do not stand in their way
 BORDER = 2  # voxels of the grid outside of the box
 
 

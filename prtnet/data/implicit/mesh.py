@@ -163,7 +163,7 @@ def grid(
     near = np.flatnonzero(~(np.abs(coarse) > reach))
     values = np.repeat(coarse[:, None].astype(np.float32), BLOCK**3, axis=1)
     inside = np.stack(np.meshgrid(*[np.arange(BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    for chosen in np.array_split(near, max(1, len(near) // 256)):
+    for chosen in (near[first : first + 256] for first in range(0, len(near), 256)):
         points = start + (index[chosen, None] * BLOCK + inside) * voxel
         values[chosen] = distance(points.reshape(-1, 3)).reshape(len(chosen), -1)
     whole = values.reshape(*blocks, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)

@@ -5,6 +5,7 @@
     python experiments/bench.py texture
     python experiments/bench.py train
     python experiments/bench.py export
+    python experiments/bench.py implicit
 
 prints a table and writes experiments/results/bench_NAME.csv.
 """
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import bench_export
+import bench_implicit
 import bench_train
 import numpy as np
 
@@ -221,6 +223,7 @@ BENCHES = {
     "texture": lambda chosen: textures(),
     "train": lambda chosen: bench_train.train(),
     "export": lambda chosen: bench_export.export(),
+    "implicit": lambda chosen: bench_implicit.implicit(),
 }
 
 

@@ -39,7 +39,7 @@ def measured_error(
     on the surface itself (`project.projected`), in random order.
     """
     few = select(samples, np.arange(min(points, len(samples.positions))))
-    first, second = (_baked(tracer, few, bands, directions) for tracer in (quick, exact))
+    first, second = (baked(tracer, few, bands, directions) for tracer in (quick, exact))
     return compared(first, second)
 
 
@@ -51,7 +51,8 @@ def compared(found: Float[Array, "n k"], expected: Float[Array, "n k"]) -> Error
     return Error(relative, float(np.abs(difference).max(initial=0)), len(found))
 
 
-def _baked(tracer: Tracer | MarchTracer, few: Samples, bands: int, directions: int) -> Float[Array, "n k"]:
+def baked(tracer: Tracer | MarchTracer, few: Samples, bands: int, directions: int) -> Float[Array, "n k"]:
+    """Transfer of the samples, the same directions for every tracer."""
     return transfer.bake(
         tracer,
         few.positions,

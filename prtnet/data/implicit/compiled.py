@@ -85,10 +85,10 @@ def compiled(source: str) -> Any:
 
 def _folder() -> Path:
     """With the user's caches, or where there is no place for any, for this process only."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "prtnet" / "fields"
     try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "prtnet" / "fields"
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except (OSError, RuntimeError):
         return _passing()
     return folder if os.access(folder, os.W_OK) else _passing()
 

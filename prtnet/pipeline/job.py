@@ -13,8 +13,8 @@ from omegaconf import OmegaConf
 from prtnet import PrtnetError, score, sh
 from prtnet.config import STAGES, Config, LightOptions
 from prtnet.data import atlas, atlas_set, directions, light, quantise, transfer, vertex
-from prtnet.data.implicit import mesh
 from prtnet.data.implicit.march import MarchTracer
+from prtnet.data.implicit.mesh_tracer import MeshTracer
 from prtnet.data.implicit.surface import Implicit
 from prtnet.data.light import Light
 from prtnet.data.scene import Frame, Scene
@@ -59,9 +59,7 @@ class Job:
         kind, cells = self.config.transfer.tracer, self.config.sdf.resolution
         if not self.implicit:
             return Tracer(self.scene, kind=kind)
-        # between its vertices the mesh lies beside the surface
-        offset = mesh.OFFSET * 2 / cells
-        return Tracer(self.scene, kind="auto" if kind == scenes.MARCHED else kind, offset=offset)
+        return MeshTracer(self.scene, cells, kind="auto" if kind == scenes.MARCHED else kind)
 
     @cached_property
     def marched(self) -> MarchTracer:

@@ -163,7 +163,7 @@ def test_a_target_that_no_net_reaches_is_an_error_after_the_report(tmp_path):
             {"size__target_psnr": 30.0, "size__widths": [2000], "size__depths": [2], "export__storage": "literal"},
             "too large to export",
         ),
-        ({"size__target_psnr": 30.0, "methods": ["texture"]}, "expected net among them"),
+        ({"size__target_psnr": 30.0, "methods": ["texture"]}, "expected net or clusters among them"),
     ],
 )
 def test_bad_words_are_refused_before_any_work(changes, message, tmp_path):

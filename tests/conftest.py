@@ -9,7 +9,9 @@ import tests.shapes  # noqa: F401  (the hook looks it up by name)
 
 PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
 # numba compiles the kernels from their plain source, so they stay undecorated
-UNCHECKED = {"prtnet.data.kernels", "prtnet.data.implicit.kernels", "prtnet.models.kernels", "prtnet.__main__"}
+UNCHECKED = {
+    f"prtnet.{name}" for name in ("data.kernels", "data.nearest", "data.implicit.kernels", "models.kernels", "__main__")
+}
 
 
 def _modules() -> list[str]:

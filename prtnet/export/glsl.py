@@ -30,6 +30,7 @@ VERSIONS = form.VERSIONS
 # sin(2 pi t) = t P(t^2) on a quarter turn, minimax in absolute error: 3.3e-9
 _SINE = (6.28318516, -41.34165503, 81.60100406, -76.54978194, 39.53670321)
 _TURN = 6.28125  # 2 pi but for 1.9e-3
+_TRIANGLE = "vec3 prt_quarter(vec3 t) { return 4.0 * t; }"
 
 
 def emit(
@@ -194,21 +195,21 @@ def _groups(net: NetSpec) -> str:
 def _helpers(net: NetSpec) -> list[str]:
     lines = []
     if net.encoding != "identity" and (net.position_frequencies or net.normal_frequencies):
-        lines += _sine("vec3") if net.encoding == "frequency" else ["vec3 prt_quarter(vec3 t) { return 4.0 * t; }"]
+        lines += sine_of_turns("vec3") if net.encoding == "frequency" else [_TRIANGLE]
         lines += ["vec3 prt_sin(vec3 f) { return prt_quarter(sign(f) * (0.25 - abs(0.25 - abs(f)))); }"]
         lines += ["vec3 prt_cos(vec3 f) { return prt_quarter(0.25 - abs(f)); }"]
     if len(net.weights) > 1:
-        lines += _sine("vec4") if net.activation == "sine" else []
+        lines += sine_of_turns("vec4") if net.activation == "sine" else []
         lines += [f"vec4 prt_bend(vec4 x) {{ {_activation(net)} }}"]
     return lines
 
 
-def _sine(kind: str) -> list[str]:
-    """sin(2 pi t) for t in a quarter turn about 0."""
+def sine_of_turns(kind: str, name: str = "prt_quarter") -> list[str]:
+    """A function of sin(2 pi t) for t in a quarter turn about 0."""
     polynomial = number(_SINE[-1])
     for coefficient in reversed(_SINE[:-1]):
         polynomial = f"{number(coefficient)} + u * ({polynomial})"
-    return [f"{kind} prt_quarter({kind} t) {{ {kind} u = t * t; return t * ({polynomial}); }}"]
+    return [f"{kind} {name}({kind} t) {{ {kind} u = t * t; return t * ({polynomial}); }}"]
 
 
 def _activation(net: NetSpec) -> str:

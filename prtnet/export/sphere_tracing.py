@@ -16,7 +16,8 @@ the last one goes along the gradient, for rays that only come near. The plain tw
 
 from prtnet import PrtnetError
 from prtnet.data.implicit.field import Analytic, Field
-from prtnet.export import implicit
+from prtnet.data.implicit.neural import Neural
+from prtnet.export import implicit, neural_field
 from prtnet.export.spelling import number
 
 BOX = 1.01  # half the side of the cube
@@ -71,8 +72,12 @@ def emit(field: Field) -> str:
 
     Raises PrtnetError for a field that has no GLSL form.
     """
-    if not isinstance(field, Analytic):
+    if isinstance(field, Analytic):
+        functions = implicit.emit(field)
+    elif isinstance(field, Neural):
+        functions = neural_field.emit(field)
+    else:
         raise PrtnetError(f"implicit surface: found a {type(field).__name__} field, expected one with a GLSL form")
     numbers = {"box": BOX, "near": NEAR, "least": LEAST, "grazing": GRAZING, "lipschitz": field.lipschitz}
     meet = _FUNCTION.format(**{name: number(value) for name, value in numbers.items()})
-    return implicit.emit(field) + _UNIFORMS + meet
+    return functions + _UNIFORMS + meet

@@ -60,15 +60,19 @@ def cos(x):
 @cfunc(types.void(types.CPointer(types.float32), types.int64), error_model="numpy", fastmath=FAST, cache=True)
 def lanes(packet, count):
     p = carray(packet, (4, {lanes}))
-    for q in range(count):
-        p[3, q] = distance(p[0, q], p[1, q], p[2, q])
+    {loop}
 '''
+LOOP = """for q in range(count):
+        p[3, q] = distance(p[0, q], p[1, q], p[2, q])"""
+# in place of it, of a source that brings a loop of its own
+OWN_LOOP = "distances(p, count)"
 
 
 @lru_cache(maxsize=32)
 def compiled(source: str) -> Any:
     """The loop of a field's `source()`; its `address` is what the kernels take."""
-    text = MODULE.format(source=source.rstrip("\n") + "\n", lanes=LANES)
+    loop = OWN_LOOP if "\ndef distances(" in source else LOOP
+    text = MODULE.format(source=source.rstrip("\n") + "\n", lanes=LANES, loop=loop)
     name = f"field_{hashlib.sha256(text.encode()).hexdigest()[:32]}"
     file = _folder() / f"{name}.py"
     if not file.exists():

@@ -32,6 +32,12 @@ class SdfOptions:
     """Of implicit surfaces, which have no triangles: the scenes sdf_..., and .py or .yaml files as scene.path."""
 
     resolution: int = 256  # cells along the longest side of the mesh that points are drawn from and rays are traced by
+    # scene=neural_sdf: the network that is fitted to the signed distance of the mesh scene.path
+    width: int = 64  # neurons of each hidden layer
+    depth: int = 2  # hidden layers
+    steps: int = 6000
+    seed: int = 0  # of its weights and points
+    largest_error: float = 0.05  # of its surface, as a share of the mesh's longest side; a fit above it is refused
 
 
 @dataclass

@@ -2,7 +2,8 @@
 
 import logging
 import zlib
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,7 @@ class Job:
     light: Light
     command: str  # that makes this run again
     implicit: Implicit | None = None  # of which `scene` is a mesh, where it is one
+    scene_facts: Mapping[str, Any] = field(default_factory=dict)  # for the report
 
     @cached_property
     def scene_key(self) -> dict[str, Any]:
@@ -128,15 +130,24 @@ def opened(config: Config, command: str, sweep_point: str | None) -> Job:
     """The job of options that have been checked, without its run folder. Raises PrtnetError for scene and light."""
     chosen = _light(config.light)
     _display(config).check(chosen)
-    loaded = scenes.load(config)
+    loaded = scenes.load(config, lambda name: _store(config, name))
     vertex.check(loaded.scene, config.vertex.subdivide, config.vertex.level)
     reflectance.check(_material(config), loaded.scene)
     found = loaded.scene
-    base = Path(config.out or f"runs/{found.name}")
+    base = _base(config, found.name)
     out = base / sweep_point if sweep_point else base
-    store = Store(Path(config.cache) if config.cache else base / "cache")
     log.info("%s: %d triangles in %d parts -> %s", found.name, len(found.faces), len(found.materials), out)
-    return Job(config, out, store, found, loaded.frame, chosen, command, loaded.implicit)
+    store = _store(config, found.name)
+    return Job(config, out, store, found, loaded.frame, chosen, command, loaded.implicit, loaded.facts)
+
+
+def _base(config: Config, name: str) -> Path:
+    """The run folder, or that above a sweep's."""
+    return Path(config.out or f"runs/{name}")
+
+
+def _store(config: Config, name: str) -> Store:
+    return Store(Path(config.cache) if config.cache else _base(config, name) / "cache")
 
 
 def _material(config: Config) -> Material:

@@ -118,6 +118,7 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         "transport": f"{transfer.transport}, {job.bounces} bounces" if job.bounces else transfer.transport,
         "rays per point": transfer.directions,
         "tracer": job.tracer.kind,
+        **job.scene_facts,
     }
     if trained and baked.points:
         facts |= _net_facts(baked.points, trained, exported)

@@ -1,8 +1,9 @@
 """The scene of a job: triangles, and the surface that they follow where it is an implicit one."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from prtnet import PrtnetError
 from prtnet.config import METHODS, Config, SceneOptions
@@ -11,10 +12,13 @@ from prtnet.data.implicit import builtin as shapes
 from prtnet.data.implicit import check, file, mesh
 from prtnet.data.implicit.surface import Described, Implicit
 from prtnet.data.scene import Frame, Scene
+from prtnet.store import Store
 
 MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "net")
 # of them, what milliseconds are told relative to
 MESH_BASELINE, IMPLICIT_BASELINE = "texture", "unshadowed"
+# of scene.name: the mesh scene.path as a network's distance
+NEURAL = "neural_sdf"
 # of transfer.tracer: the surface itself
 MARCHED = "marched"
 # what implicit surfaces can have of the keys that may want an atlas
@@ -34,10 +38,13 @@ class Loaded:
     scene: Scene
     frame: Frame
     implicit: Implicit | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)  # for the report
 
 
 def is_implicit(options: SceneOptions) -> bool:
     """Whether the scene has no triangles of its own."""
+    if options.name == NEURAL:
+        return True
     if options.path:
         return Path(options.path).suffix in file.SUFFIXES
     return options.name in shapes.NAMES
@@ -61,18 +68,38 @@ def with_methods(config: Config) -> Config:
     return config
 
 
-def load(config: Config) -> Loaded:
-    """The scene of a checked configuration. Raises PrtnetError."""
+def load(config: Config, store_of: Callable[[str], Store]) -> Loaded:
+    """The scene of a checked configuration. Raises PrtnetError.
+
+    `store_of`: where the artifacts of a scene of that name are.
+    """
     if not is_implicit(config.scene):
         if config.transfer.tracer == MARCHED:
             raise PrtnetError("transfer.tracer: found marched on triangles, expected auto, fused or embreex")
         found = _triangles(config)
         return Loaded(found.centred(), found.frame)
     _check_implicit(config)
-    described = _described(config.scene)
-    check.check(described)
-    implicit = mesh.implicit_of(described)
-    return Loaded(mesh.scene_of(implicit, config.sdf.resolution).centred(), implicit.frame, implicit)
+    facts: Mapping[str, Any] = {}
+    if config.scene.name == NEURAL:
+        implicit, facts = _neural(config, store_of)
+    else:
+        described = _described(config.scene)
+        check.check(described)
+        implicit = mesh.implicit_of(described)
+    return Loaded(mesh.scene_of(implicit, config.sdf.resolution).centred(), implicit.frame, implicit, facts)
+
+
+def _neural(config: Config, store_of: Callable[[str], Store]) -> tuple[Implicit, Mapping[str, Any]]:
+    if not config.scene.path:
+        raise PrtnetError("scene.path: found none with scene=neural_sdf, expected the mesh that it is fitted to")
+    # here and not above: torch, which other scenes need not wait for
+    from prtnet.pipeline.neural_sdf import implicit_of_mesh
+
+    triangles = _triangles(config)
+    fitted = implicit_of_mesh(triangles, config.sdf, store_of(triangles.name))
+    shares = {key: f"{100 * fitted.facts[key]:.3g} % of its longest side" for key in ("chamfer", "worst")}
+    words = {"surface to mesh, mean of both ways": shares["chamfer"], "surface to mesh, worst": shares["worst"]}
+    return fitted.implicit, words | {"greatest slope of the distance": f"{fitted.facts['lipschitz']:.3g}"}
 
 
 def _described(options: SceneOptions) -> Described:

@@ -7,7 +7,8 @@ clusters may be trained in any order and anywhere: `train_cluster`.
 import hashlib
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from prtnet.chart import clusters as tables
 from prtnet.clusters import ClusterSpec
 from prtnet.data.scene import Frame, frame_of
 from prtnet.netspec import NetSpec
-from prtnet.pipeline import split_options
-from prtnet.pipeline.bake import Baked, NetPoints, PointSet
+from prtnet.pipeline import engine, split_options
+from prtnet.pipeline.bake import Baked, NetPoints, PointSet, bake
+from prtnet.pipeline.engine import Task
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.split_plan import Plan, inside, plan_of
 from prtnet.pipeline.train import Trained, train
@@ -43,6 +45,7 @@ def train_clusters(job: Job, points: NetPoints, baked: Baked | None = None) -> C
     Leaves clusters.md in the run folder.
     """
     plan = plan_of(job, points.training)
+    _spread(job, points, len(plan.points))
     trained = [train_cluster(job, points, index, baked) for index in range(len(plan.points))]
     x, y, z = job.frame.centre.tolist()
     nets = tuple(each.net for each in trained)
@@ -78,6 +81,38 @@ def train_cluster(job: Job, points: NetPoints, index: int, baked: Baked | None =
         assert baked is not None
         own_job = sized(own_job, baked, own_points, plan, index, cube)
     return train(own_job, own_points)
+
+
+def _spread(job: Job, points: NetPoints, count: int) -> None:
+    """Have the networks trained by the engine's workers, where there are any; the caller finds them."""
+    if engine.workers(job.config.cluster) < 2 or count < 2:
+        return
+    groups = ["model", "train", "split"]
+    groups += ["size", "material", "light", "render"] if split_options.sized(job.config) else []
+    inputs = {group: asdict(getattr(job.config, group)) for group in groups}
+    inputs |= {"points": [points.training.key, points.areas.key, points.vertices.key]}
+    key = store.content_key(inputs)
+    tasks = [Task(f"cluster-{key}-{index + 1}-of-{count}", train_one, {"index": index}) for index in range(count)]
+
+    def spread() -> tuple[store.Arrays, Mapping[str, Any]]:
+        engine.spread(job, "clusters", tasks, unit="networks")
+        return {}, {"networks": count}
+
+    # kept, so that a run that has them all starts no jobs to look for them
+    job.store.make("spread", inputs, spread)
+
+
+def train_one(job: Job, *, index: int) -> None:
+    """Train the network of one cluster of a job whose points are in the store."""
+    baked = _baked(job)
+    assert baked.points is not None
+    train_cluster(job, baked.points, index, baked)
+
+
+@lru_cache(maxsize=1)
+def _baked(job: Job) -> Baked:
+    """Kept until the next one: a process of a pool trains network after network of the same job."""
+    return bake(job)
 
 
 def _own(job: Job, points: NetPoints, plan: Plan, index: int) -> tuple[Job, NetPoints, Frame]:

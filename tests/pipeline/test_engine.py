@@ -11,6 +11,7 @@ from prtnet import PrtnetError
 from prtnet.data.surface import Surface
 from prtnet.pipeline import engine, run, shards, slurm
 from prtnet.pipeline.bake import bake
+from prtnet.pipeline.clusters import train_clusters
 from prtnet.pipeline.engine import Order, Task
 from prtnet.pipeline.job import open_job
 from prtnet.pipeline.shards import Bake, Gather
@@ -21,8 +22,8 @@ from tests.test_cli import prtnet
 
 
 def opened(out: Path, name: str, **changes: object):
-    own = {"methods": ["texture"], "cluster__engine": name, "cluster__workers": 2, "cluster__folder": str(out / "jobs")}
-    return open_job(config(out, **own, **changes), "", None)
+    own = {"cluster__engine": name, "cluster__workers": 2, "cluster__folder": str(out / "jobs")}
+    return open_job(config(out, **{"methods": ["texture"], **own, **changes}), "", None)
 
 
 def files(out: Path) -> dict[str, bytes]:
@@ -151,3 +152,26 @@ def test_a_job_of_submitit_is_submitted_again_when_it_is_killed(tmp_path, monkey
     slurm.wait(jobs, ended, lambda jobs: {job.job_id: "" for job in jobs if job.state == "RUNNING"})
     assert ended["part"].startswith("number: found 1, expected another\n    log: ")
     assert jobs.attempts == {"part": 2}
+
+
+def test_networks_of_clusters_are_trained_as_jobs_with_the_same_bytes(tmp_path, monkeypatch):
+    """Each job opens its own run and finds the points; here it does so in this process, which has torch already."""
+
+    def in_process(orders, most, ended):
+        ended.update((order.task.name, engine.work(order, 1)) for order in reversed(orders))
+
+    monkeypatch.setattr(engine, "_in_processes", in_process)
+    changes = {"stages": ["train"], "split__by": "grid", "split__cells": [2, 1, 1], "train__steps": 20}
+    changes |= {"train__grid_cells": [], "train__hash_cells": [], "methods": ["texture", "clusters"]}
+    found = []
+    for name in ("process", "cores"):
+        job = opened(tmp_path, name, **changes, cache=str(tmp_path / "cache"))
+        baked = bake(job)
+        train_clusters(job, baked.points, baked)
+        nets = tmp_path / "cache" / "net"
+        found.append({path.name: path.read_bytes() for path in nets.glob("*.safetensors")})
+        nets.rename(tmp_path / name)
+    assert len(found[0]) == 2
+    assert found[0] == found[1]
+    (kept,) = (tmp_path / "cache" / "spread").glob("*.json")
+    assert '"networks": 2' in kept.read_text()

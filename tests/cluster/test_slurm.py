@@ -15,8 +15,9 @@ from tests.small import overrides
 pytestmark = [pytest.mark.slurm, pytest.mark.skipif(bool(lacking()), reason=lacking() or "-")]
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-# a dozen shards of a second or two
-BAKE = {"samples__count": 1_500_000, "samples__directions": 512, "methods": "[texture,net]", "stages": "[train]"}
+# a dozen shards of a second or two, a network of the whole and one for each half
+BAKE = {"samples__count": 1_500_000, "samples__directions": 512, "stages": "[train]"}
+BAKE |= {"methods": "[texture,net,clusters]", "split__by": "grid", "split__cells": "[2,1,1]"}
 ON_SLURM = ("cluster=slurm", "cluster.cpus=1", "cluster.workers=2", "cluster.least_shards=2")
 
 
@@ -44,7 +45,9 @@ def start(folder: Path, environment, *words: str) -> subprocess.Popen[bytes]:
 
 
 def artifacts(out: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*.safetensors")}
+    """All results; that networks were spread is noted where they were."""
+    found = [path for path in out.rglob("*.safetensors") if path.parent.name != "spread"]
+    return {str(path.relative_to(out)): path.read_bytes() for path in found}
 
 
 def until(found, seconds: float = 120):
@@ -75,6 +78,8 @@ def test_both_nodes_make_a_run_together_though_one_fails_half_way(cluster, alone
     cluster.command("scontrol", "update", f"JobId={lost}", "StartTime=now")
     assert run.wait(timeout=300) == 0, (tmp_path / "log").read_text()
     assert artifacts(tmp_path / "out") == alone
+    logs = [path.read_text() for path in (tmp_path / "runs" / "jobs").glob("*/*_log.out")]
+    assert sum("clusters: network" in log for log in logs) == 2
     cluster.start_node(NODES[1])
     until(lambda: cluster.state(NODES[1]) == "idle")
 

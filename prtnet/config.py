@@ -72,8 +72,9 @@ class TransferOptions:
     kind: str = "cosine_fibonacci"  # or uniform, stratified, random
     transport: str = "shadowed"  # unshadowed = the cosine lobe of the normal; interreflected = and bounces
     bounces: int = 1  # diffuse ones, where transport=interreflected
-    # fused, embreex, or auto = fused where it can be had, said in the log; on implicit surfaces these trace a fine mesh
-    # for what is learned from, and marched, slower, traces the surface itself, as references always do
+    # fused, embreex, or auto = fused where it can be had, said in the log. What is learned from on implicit surfaces is
+    # traced through the surface itself, as references always are, with marched or auto; fused and embreex, and auto for
+    # neural_sdf, trace a fine mesh of it: quicker, with an error that the report tells
     tracer: str = "auto"
 
 

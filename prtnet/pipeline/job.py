@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from prtnet import PrtnetError, score, sh
 from prtnet.config import STAGES, Config, LightOptions
 from prtnet.data import atlas, atlas_set, directions, light, quantise, transfer, vertex
+from prtnet.data.implicit.field import Analytic
 from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.implicit.mesh_tracer import MeshTracer
 from prtnet.data.implicit.surface import Implicit
@@ -33,6 +34,9 @@ log = logging.getLogger(__name__)
 
 # part of every key: raised when a stage's result changes for the same inputs
 VERSION = 2
+# of transfer.tracer: the surface itself; and where it is quick enough
+MARCHED, AUTO = "marched", "auto"
+MARCHING = (MARCHED, AUTO)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +62,10 @@ class Job:
     @cached_property
     def tracer(self) -> Tracer:
         """Rays against the triangles."""
-        kind, cells = self.config.transfer.tracer, self.config.sdf.resolution
+        kind = self.config.transfer.tracer
         if not self.implicit:
             return Tracer(self.scene, kind=kind)
-        return MeshTracer(self.scene, cells, kind="auto" if kind == scenes.MARCHED else kind)
+        return MeshTracer(self.scene, self.config.sdf.resolution, kind="auto" if kind in MARCHING else kind)
 
     @cached_property
     def marched(self) -> MarchTracer:
@@ -76,8 +80,10 @@ class Job:
 
     @property
     def training_tracer(self) -> Tracer | MarchTracer:
-        """Of what is learned from."""
-        return self.marched if self.config.transfer.tracer == scenes.MARCHED else self.tracer
+        """Of what is learned from. Shapes are marched nearly as fast as their mesh is traced, networks are not."""
+        kind = self.config.transfer.tracer
+        shapes = self.implicit is not None and isinstance(self.implicit.field, Analytic)
+        return self.marched if kind == MARCHED or (kind == AUTO and shapes) else self.tracer
 
     @property
     def baseline(self) -> str:

@@ -19,8 +19,6 @@ MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "n
 MESH_BASELINE, IMPLICIT_BASELINE = "texture", "unshadowed"
 # of scene.name: the mesh scene.path as a network's distance
 NEURAL = "neural_sdf"
-# of transfer.tracer: the surface itself
-MARCHED = "marched"
 # what implicit surfaces can have of the keys that may want an atlas
 ATLAS_FREE = {
     "transfer.transport": ("shadowed", "unshadowed"),
@@ -74,7 +72,7 @@ def load(config: Config, store_of: Callable[[str], Store]) -> Loaded:
     `store_of`: where the artifacts of a scene of that name are.
     """
     if not is_implicit(config.scene):
-        if config.transfer.tracer == MARCHED:
+        if config.transfer.tracer == "marched":
             raise PrtnetError("transfer.tracer: found marched on triangles, expected auto, fused or embreex")
         found = _triangles(config)
         return Loaded(found.centred(), found.frame)

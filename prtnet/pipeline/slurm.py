@@ -226,7 +226,8 @@ def ask_the_queue() -> None:
         def is_done(self, job_id: str, mode: str = "standard") -> bool:
             return self.get_state(job_id, mode) == "GONE"
 
-    SlurmJob.watcher = QueueWatcher(delay_s=30)
+    # declared as the one that asks sacct
+    SlurmJob.watcher = QueueWatcher(delay_s=30)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def cancel(name: str) -> None:

@@ -56,6 +56,8 @@ def small(command: str) -> list[str]:
     sizes += ["size.target_psnr=10"] if "size.target_psnr" in named else []
     sizes += ["size.widths=[8]"] if any(name.startswith("size.") for name in named) else []
     sizes += ["export.web_texture=null"] if "export=web" in given else []
+    if any(name in command for name in ("sdf_", "neural_sdf", ".yaml")):
+        sizes += ["sdf.resolution=48", "sdf.steps=150", "sdf.largest_error=1"]
     return given + sizes + ["scene.tessellation=0.2"]
 
 

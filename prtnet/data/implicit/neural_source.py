@@ -12,21 +12,23 @@ from jaxtyping import Float
 
 Array = np.ndarray
 
-BLOCK = 8  # inputs summed before the sum is stored
+LANES = 16  # points of a packet
+# sums at a time, which share what they read, and inputs summed before the sums are stored
+OUTPUTS, INPUTS = 4, 8
 
 _HEAD = """def distance(x, y, z):
-    p = np.empty((4, 1), np.float32)
+    p = np.zeros((4, LANES), np.float32)
     p[0, 0], p[1, 0], p[2, 0] = x, y, z
     distances(p, 1)
     return p[3, 0]
 
 
+LANES = {lanes}
 {constants}
 
 @njit(error_model="numpy", fastmath=FAST, cache=True)
 def distances(p, count):
-    a = np.empty(count, np.float32)
-    h0 = np.empty((3, count), np.float32)
+    h0 = np.empty((3, LANES), np.float32)
 """
 
 
@@ -39,10 +41,11 @@ def python(
         for i, layer in enumerate(zip(weights, biases, strict=True))
         for name, array in zip("WB", layer, strict=True)
     ]
-    lines = [_HEAD.format(constants="\n".join(constants))[:-1]]
-    lines += [f"    h{i + 1} = np.empty(({len(bias)}, count), np.float32)" for i, bias in enumerate(biases[:-1])]
+    lines = [_HEAD.format(constants="\n".join(constants), lanes=LANES)[:-1]]
+    lines += [f"    a{r} = np.empty(LANES, np.float32)" for r in range(OUTPUTS)]
+    lines += [f"    h{i + 1} = np.empty(({len(bias)}, LANES), np.float32)" for i, bias in enumerate(biases[:-1])]
     for axis, bound in enumerate(half):
-        lines += ["    for q in range(count):"]
+        lines += ["    for q in range(LANES):"]
         lines += [f"        h0[{axis}, q] = min(max(p[{axis}, q], F({-bound!r})), F({bound!r}))"]
     for i, weight in enumerate(weights):
         lines += _layer(i, *weight.shape, last=i == len(weights) - 1)
@@ -56,31 +59,42 @@ def _literal(array: Array) -> str:
 
 
 def _layer(layer: int, outputs: int, inputs: int, *, last: bool) -> Iterator[str]:
-    """Rows of h{layer} to those of h{layer + 1}, or to the distance."""
-    yield f"    for j in range({outputs}):"
-    yield f"        start = B{layer}[j]"
-    yield "        for q in range(count):"
-    yield "            a[q] = start"
-    whole = inputs // BLOCK * BLOCK
+    """Rows of h{layer} to those of h{layer + 1}, or to the distance: OUTPUTS sums at a time, each over INPUTS rows."""
+    whole = outputs // OUTPUTS * OUTPUTS
     if whole:
-        yield f"        for i in range(0, {whole}, {BLOCK}):"
-        yield from _block(layer, [f"i + {b}" for b in range(BLOCK)], "            ")
+        yield f"    for j in range(0, {whole}, {OUTPUTS}):"
+        yield from _sums(layer, [f"j + {r}" for r in range(OUTPUTS)], inputs, last)
+    if outputs > whole:
+        yield "    if True:"
+        yield from _sums(layer, [str(j) for j in range(whole, outputs)], inputs, last)
+
+
+def _sums(layer: int, outputs: list[str], inputs: int, last: bool) -> Iterator[str]:
+    yield "        for q in range(LANES):"
+    yield from (f"            a{r}[q] = B{layer}[{j}]" for r, j in enumerate(outputs))
+    whole = inputs // INPUTS * INPUTS
+    if whole:
+        yield f"        for i in range(0, {whole}, {INPUTS}):"
+        yield from _block(layer, outputs, [f"i + {b}" for b in range(INPUTS)], "            ")
     if inputs > whole:
-        yield from _block(layer, [str(i) for i in range(whole, inputs)], "        ")
-    yield "        for q in range(count):"
-    yield "            p[3, q] = a[q]" if last else f"            h{layer + 1}[j, q] = sin(a[q])"
+        yield from _block(layer, outputs, [str(i) for i in range(whole, inputs)], "        ")
+    yield "        for q in range(LANES):"
+    for r, j in enumerate(outputs):
+        yield f"            p[3, q] = a{r}[q]" if last else f"            h{layer + 1}[{j}, q] = sin(a{r}[q])"
 
 
-def _block(layer: int, rows: list[str], indent: str) -> Iterator[str]:
-    for b, row in enumerate(rows):
-        yield f"{indent}w{b} = W{layer}[j, {row}]"
-    yield f"{indent}for q in range(count):"
-    yield f"{indent}    a[q] += " + " + ".join(f"w{b} * h{layer}[{row}, q]" for b, row in enumerate(rows))
+def _block(layer: int, outputs: list[str], rows: list[str], indent: str) -> Iterator[str]:
+    for r, j in enumerate(outputs):
+        yield from (f"{indent}w{r}_{b} = W{layer}[{j}, {row}]" for b, row in enumerate(rows))
+    yield f"{indent}for q in range(LANES):"
+    yield from (f"{indent}    x{b} = h{layer}[{row}, q]" for b, row in enumerate(rows))
+    for r in range(len(outputs)):
+        yield f"{indent}    a{r}[q] += " + " + ".join(f"w{r}_{b} * x{b}" for b in range(len(rows)))
 
 
 def _beyond() -> Iterator[str]:
     """Outside of the box."""
-    yield "    for q in range(count):"
+    yield "    for q in range(LANES):"
     yield "        u, v, w = p[0, q] - h0[0, q], p[1, q] - h0[1, q], p[2, q] - h0[2, q]"
     yield "        away = u * u + v * v + w * w"
     yield "        p[3, q] = sqrt(away + p[3, q] * p[3, q]) if away > F(0) else p[3, q]"

@@ -9,13 +9,16 @@ from prtnet.data import builtin
 from prtnet.data.normals import weld
 from prtnet.data.repair import is_closed, repair
 from prtnet.data.scene import Scene
+from prtnet.data.tracer import Tracer
 
 # sheets that are meant to be seen from above only
-OPEN = {"floor", "ground", "soil", "tea", "milk"}
+OPEN = {"floor", "ground", "soil", "tea", "milk", "water", "paving", "paving_dark", "paving_border", "stylobate"}
 BUDGET = {
+    "colonnade": (60_000, 130_000),
     "cornell": (100, 200),
     "dining_table": (30_000, 45_000),
     "hair": (60_000, 80_000),
+    "living_room": (35_000, 55_000),
     "plants": (20_000, 40_000),
     "room": (18_000, 22_000),
     "tea_set": (30_000, 45_000),
@@ -94,11 +97,25 @@ def test_only_sheets_are_two_sided() -> None:
     assert set(names[plants.two_sided]) == {name for name in set(names) if name.startswith("leaves")}
     assert np.count_nonzero(names == "ground") == 2
     assert not builtin.make("tea_set").two_sided.any()
+    court = builtin.make("colonnade", tessellation=0.3)
+    names = np.array([material.name for material in court.materials])[court.part]
+    assert set(names[court.two_sided]) == {"cloth_red", "cloth_blue", "cloth_gold", "sails"}
 
 
 def test_views() -> None:
+    assert builtin.make("colonnade", tessellation=0.3).camera == "inside"
     assert builtin.make("room", tessellation=0.3).camera == "inside"
     assert builtin.make("plants", tessellation=0.3).camera == "orbit"
+
+
+def test_a_colonnade_is_open_to_the_sky_and_its_walks_are_not() -> None:
+    tracer = Tracer(builtin.make("colonnade", tessellation=0.3))
+    # in the court, in the lower walk, in the upper walk
+    eyes = np.array([[2.5, 0.5, 1.5], [2.5, 0.5, 5.5], [2.5, 5.0, 5.5]])
+    assert list(tracer.occluded(eyes, np.tile([0.0, 1, 0], (3, 1)))) == [False, True, True]
+    # the upper walk has a floor, and looks through an arch over the roof of the other side
+    assert tracer.occluded(eyes[2:], np.array([[0.0, -1, 0]])).all()
+    assert not tracer.occluded(np.array([[2.0, 6.0, 5.5]]), np.array([[0.0, 0.42, -1.0]])).any()
 
 
 def test_repair_finds_nothing_to_do() -> None:

@@ -49,7 +49,7 @@ def test_winding_tells_inside_from_outside():
     np.testing.assert_allclose(camera.winding(ball, np.array([[0.1, 0.2, 0], [0, 3, 0.0]])), [1, 0], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["plants", "tea_set", "dining_table", "cornell", "room", "hair"])
+@pytest.mark.parametrize("name", builtin.NAMES)
 def test_half_of_the_frame_shows_the_scene(name):
     made = builtin.make(name, tessellation=0.5).centred()
     tracer = Tracer(made)

@@ -7,13 +7,15 @@ planes stay coarse on purpose), `seed` draws another arrangement.
 import numpy as np
 
 from prtnet import PrtnetError
-from prtnet.data.builtin import cornell, dining_table, hair, plants, room, tea_set
+from prtnet.data.builtin import colonnade, cornell, dining_table, hair, living_room, plants, room, tea_set
 from prtnet.data.scene import Scene, assemble
 
 MAKERS = {
+    "colonnade": (colonnade.parts, "inside"),
     "cornell": (cornell.parts, "orbit"),
     "dining_table": (dining_table.parts, "orbit"),
     "hair": (hair.parts, "orbit"),
+    "living_room": (living_room.parts, "inside"),
     "plants": (plants.parts, "orbit"),
     "room": (room.parts, "inside"),
     "tea_set": (tea_set.parts, "orbit"),

@@ -2,18 +2,16 @@
 
 import numpy as np
 
+from prtnet.data.builtin.furniture import GAP, SHADE, books, canvas, frame, low_table, openings, shelf, sofa
 from prtnet.data.builtin.palette import part, steps
 from prtnet.data.builtin.plants import potted_tree
 from prtnet.data.builtin.vessels import fruit, lathe, pile, vessel
 from prtnet.data.part import Part
-from prtnet.data.shapes import Surface, box, ground, merge, panel, revolve, rounded_box, tilt_x, tube
+from prtnet.data.shapes import Surface, box, ground, panel, revolve, rounded_box, tilt_x, tube
 
-GAP = 0.003
 WALL = 0.12
 # half width (x), height, half depth (z)
 SIZE = (2.6, 2.7, 2.2)
-SHADE = [(0.20, 0.0), (0.12, 0.26)]
-BOOK_COLOURS = ("rust", "navy", "mustard", "celadon")
 
 
 def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
@@ -26,14 +24,14 @@ def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
         part("ceiling", _ceiling(), "white"),
         part("rug", rug, "rug"),
         *_seats(tessellation),
-        part("tables", [_coffee_table().moved(-0.1, 0.015 + GAP, 0.05), _side_table(tessellation)], "walnut"),
+        part("tables", [low_table().moved(-0.1, 0.015 + GAP, 0.05), _side_table(tessellation)], "walnut"),
         *_on_tables(tessellation, rng),
-        part("shelf", _shelf().moved(half_x - 0.20, GAP, -0.75), "oak"),
+        part("shelf", shelf().moved(half_x - 0.20, GAP, -0.75), "oak"),
         *_books(rng),
         *_lamps(tessellation),
         *potted_tree(0.8 * tessellation, rng, (-2.05, GAP, -1.65)),
-        part("frames", [_frame(w, h).moved(x, y, -half_z + GAP) for x, y, w, h in _pictures()], "walnut"),
-        part("pictures", [_canvas(w, h).moved(x, y, -half_z + GAP) for x, y, w, h in _pictures()], "linen"),
+        part("frames", [frame(w, h).moved(x, y, -half_z + GAP) for x, y, w, h in _pictures()], "walnut"),
+        part("pictures", [canvas(w, h).moved(x, y, -half_z + GAP) for x, y, w, h in _pictures()], "linen"),
     ]
 
 
@@ -48,48 +46,26 @@ def _walls() -> list[Surface]:
     windows = panel(
         [-z - 0.06, -1.6, -0.35, 0.35, 1.6, z + 0.06],
         [low - 0.01, 0.85, 2.2, high + 0.01],
-        _grid(5, 3, [(1, 1), (3, 1)]),
+        openings(5, 3, [(1, 1), (3, 1)]),
         WALL,
     )
     right = panel([-z - 0.06, z + 0.06], [low - 0.01, high + 0.01], [[1]], WALL).turned(-np.pi / 2).moved(x)
-    door = panel([-x - 0.09, -1.3, 1.5, x + 0.09], [low - 0.02, 0.06, 2.25, high + 0.02], _grid(3, 3, [(1, 1)]), WALL)
+    door = panel(
+        [-x - 0.09, -1.3, 1.5, x + 0.09], [low - 0.02, 0.06, 2.25, high + 0.02], openings(3, 3, [(1, 1)]), WALL
+    )
     return [back, windows.turned(np.pi / 2).moved(-x), right, door.turned(np.pi).moved(z=z)]
-
-
-def _grid(columns: int, rows: int, openings: list[tuple[int, int]]) -> list[list[int]]:
-    return [[int((i, j) not in openings) for j in range(rows)] for i in range(columns)]
 
 
 def _ceiling() -> Surface:
     """A plate with a skylight; it lies across the walls."""
     x, y, z = SIZE
-    plate = panel([-x - 0.03, -0.9, 0.9, x + 0.03], [-z - 0.03, -0.9, 0.5, z + 0.03], _grid(3, 3, [(1, 1)]), WALL)
+    plate = panel([-x - 0.03, -0.9, 0.9, x + 0.03], [-z - 0.03, -0.9, 0.5, z + 0.03], openings(3, 3, [(1, 1)]), WALL)
     return plate.transformed(tilt_x(np.pi / 2)).moved(y=y)
 
 
-def _sofa(width: float, tessellation: float) -> tuple[list[Surface], list[Surface]]:
-    """(body, loose cushions) of a sofa that looks towards +z, with its middle at the origin."""
-    arc, half = steps(2, tessellation, 1), width / 2
-    body = [
-        rounded_box([-half, 0.08, -0.42], [half, 0.30, 0.40], 0.03, arc),
-        rounded_box([-half, 0.10, -0.44], [half, 0.78, -0.24], 0.06, arc),
-        *(rounded_box([s * half - 0.09, 0.09, -0.43], [s * half + 0.09, 0.56, 0.42], 0.06, arc) for s in (-1, 1)),
-        *(box([x - 0.025, GAP, z - 0.025], [x + 0.025, 0.1, z + 0.025]) for x in (-half, half) for z in (-0.36, 0.34)),
-    ]
-    count = round(width / 0.7)
-    seat = (width - 0.2) / count
-    cushions = []
-    for i in range(count):
-        left = -half + 0.1 + i * seat
-        cushions.append(rounded_box([left + 0.005, 0.303, -0.23], [left + seat - 0.005, 0.44, 0.41], 0.05, arc))
-        back = rounded_box([left + 0.01, 0.0, -0.07], [left + seat - 0.01, 0.42, 0.07], 0.06, arc)
-        cushions.append(back.transformed(tilt_x(-0.16)).moved(0, 0.45, -0.10))
-    return body, cushions
-
-
 def _seats(tessellation: float) -> list[Part]:
-    body, cushions = _sofa(2.0, tessellation)
-    chair, chair_cushions = _sofa(0.8, tessellation)
+    body, cushions = sofa(2.0, tessellation)
+    chair, chair_cushions = sofa(0.8, tessellation)
     arc = steps(2, tessellation, 1)
     throw = rounded_box([-0.2, -0.2, -0.06], [0.2, 0.2, 0.06], 0.055, arc)
     throws = [throw.transformed(tilt_x(-0.45)).turned(0.2).moved(x, 0.66, -1.40) for x in (-0.75, 0.62)]
@@ -100,12 +76,6 @@ def _seats(tessellation: float) -> list[Part]:
         part("sofa_cushions", place[len(body) :] + seat[len(chair) :], (0.21, 0.33, 0.41)),
         part("throws", [t.moved(-0.1) for t in throws], "mustard"),
     ]
-
-
-def _coffee_table() -> Surface:
-    """A plain top of 12 triangles on four legs."""
-    legs = [box([x - 0.025, 0, z - 0.025], [x + 0.025, 0.36, z + 0.025]) for x in (-0.5, 0.5) for z in (-0.24, 0.24)]
-    return merge([box([-0.56, 0.35, -0.30], [0.56, 0.385, 0.30]), *legs])
 
 
 def _side_table(tessellation: float) -> Surface:
@@ -134,26 +104,13 @@ def _on_tables(tessellation: float, rng: np.random.Generator) -> list[Part]:
     ]
 
 
-def _shelf() -> Surface:
-    """An open shelf of boards against the right wall; the origin is on the floor in its middle."""
-    boards = [box([-0.16, y, -0.73], [0.16, y + 0.025, 0.73]) for y in (0.08, 0.48, 0.88, 1.28, 1.68)]
-    sides = [box([-0.17, 0, z - 0.0125], [0.17, 1.85, z + 0.0125]) for z in (-0.74, 0.0, 0.74)]
-    return merge([*boards, *sides, box([0.165, 0.05, -0.735], [0.18, 1.8, 0.735])])
-
-
 def _books(rng: np.random.Generator) -> list[Part]:
-    """Rows of upright books of all sizes, with gaps."""
-    found: dict[str, list[Surface]] = {colour: [] for colour in BOOK_COLOURS}
-    right = SIZE[0] - 0.20
-    for y in (0.105, 0.505, 0.905, 1.305):
-        for start in (-0.715, 0.025):
-            z = start
-            while z < start + rng.uniform(0.4, 0.62):
-                thick, tall, deep = rng.uniform(0.018, 0.05), rng.uniform(0.2, 0.32), rng.uniform(0.14, 0.22)
-                book = box([0.14 - deep, y + GAP, z], [0.14, y + tall, z + thick]).moved(right, GAP, -0.75)
-                found[BOOK_COLOURS[int(rng.integers(len(BOOK_COLOURS)))]].append(book)
-                z += thick + 0.003
-    return [part(f"books_{colour}", books, colour) for colour, books in found.items() if books]
+    place = (SIZE[0] - 0.20, GAP, -0.75)
+    return [
+        part(f"books_{colour}", [book.moved(*place) for book in found], colour)
+        for colour, found in books(rng).items()
+        if found
+    ]
 
 
 def _lamps(tessellation: float) -> list[Part]:
@@ -184,13 +141,3 @@ def _lamps(tessellation: float) -> list[Part]:
 def _pictures() -> list[tuple[float, float, float, float]]:
     """x, y, half width, half height."""
     return [(-0.85, 1.62, 0.34, 0.25), (0.0, 1.66, 0.24, 0.31), (0.72, 1.60, 0.28, 0.21)]
-
-
-def _frame(half_width: float, half_height: float) -> Surface:
-    w, h = half_width, half_height
-    return panel([-w - 0.03, -w, w, w + 0.03], [-h - 0.03, -h, h, h + 0.03], _grid(3, 3, [(1, 1)]), 0.03).moved(z=0.03)
-
-
-def _canvas(half_width: float, half_height: float) -> Surface:
-    w, h = half_width + 0.005, half_height + 0.005
-    return box([-w, -h, 0.004], [w, h, 0.012])

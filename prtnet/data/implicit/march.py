@@ -69,8 +69,8 @@ class MarchTracer:
     def origins(self, positions: Float[Array, "n 3"], geometric_normals: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
         """Where rays start: unit coordinates, float32, off the surface along the unit geometric normals.
 
-        On a crest, or where the distance is a bound, `offset` may not bring a point out of reach of `epsilon`, and every
-        ray would end where it starts: there the height is doubled until it does, unless something is in the way.
+        On a crest, or where the distance is a bound, `offset` may not bring a point out of reach of `epsilon`, and all
+        rays would end where they start: there the height is doubled until it does, unless something is in the way.
         """
         unit = self.frame.to_unit(positions)
         start = (unit + self.offset * geometric_normals).astype(np.float32)

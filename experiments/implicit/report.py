@@ -28,7 +28,7 @@ def points(sweeps: list[Path]) -> Iterator[tuple[Path, list[Row]]]:
     for base in sweeps:
         found = sorted(file.parent for file in base.glob("*=*/**/score.json"))
         if not found:
-            raise PrtnetError(f"{base}: no point with a score.json, expected a finished sweep")
+            raise PrtnetError(f"{base}: found no point with a score.json, expected a finished sweep")
         yield from ((folder, score.read(folder / "score.json")[0]) for folder in found)
 
 
@@ -78,18 +78,18 @@ def pictures(folders: list[Path], path: Path, side: int = 200) -> None:
         made.save(temporary, format="JPEG", quality=85)
 
 
-def main(sweeps: list[Path]) -> None:
+def main(sweeps: list[Path], results: Path = RESULTS) -> None:
     found = list(points(sweeps))
     lines = sorted((line(folder, rows) for folder, rows in found), key=lambda each: (each[0], each[1], int(each[2])))
     text = [f"| {' | '.join(HEAD)} |", "| :-- | :-- " + "| --: " * (len(HEAD) - 2) + "|"]
     text += [f"| {' | '.join(tables.escape_markdown(word) for word in each)} |" for each in lines]
-    store.write_text(RESULTS / "transfer.md", "\n".join(text) + "\n")
+    store.write_text(results / "transfer.md", "\n".join(text) + "\n")
     kept = [replace(row, point=width_of(folder)) for folder, rows in found for row in rows]
-    score.write(RESULTS / "score.json", kept, score.versions())
+    score.write(results / "score.json", kept, score.versions())
     shown = [folder for folder, rows in found if width_of(folder) == FIRST_NET and rows[0].material == "diffuse"]
-    pictures(shown, RESULTS / "sheet.jpg")
+    pictures(shown, results / "sheet.jpg")
     commands = [(base / "command.txt").read_text(encoding="utf-8") for base in sweeps]
-    store.write_text(RESULTS / "command.txt", "".join(commands) + f"# collected at commit {commit()}\n")
+    store.write_text(results / "command.txt", "".join(commands) + f"# collected at commit {commit()}\n")
     print("\n".join(text))
 
 

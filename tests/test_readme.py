@@ -57,7 +57,10 @@ def small(command: str) -> list[str]:
     sizes += ["size.widths=[8]"] if any(name.startswith("size.") for name in named) else []
     sizes += ["export.web_texture=null"] if "export=web" in given else []
     if any(name in command for name in ("sdf_", "neural_sdf", ".yaml")):
-        sizes += ["sdf.resolution=48", "sdf.steps=150", "sdf.largest_error=1"]
+        sizes += ["sdf.resolution=48", "sdf.width=32", "sdf.steps=400", "sdf.largest_error=1"]
+    # whose charts fit into no fewer texels, and whose cells have more points than networks have weights
+    if "scene=colonnade" in given:
+        sizes = [word for word in sizes if not word.startswith("atlas.")] + ["atlas.size=512", "samples.count=40000"]
     return given + sizes + ["scene.tessellation=0.2"]
 
 

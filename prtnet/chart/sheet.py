@@ -108,7 +108,7 @@ def contact_sheet(
 
 def grid(
     path: Path,
-    images: Mapping[str, Sequence[Float[Array, "h w 3"] | None]],
+    images: Mapping[str, Sequence[Float[Array, "_ _ 3"] | None]],
     columns: Sequence[str],
     *,
     title: str,

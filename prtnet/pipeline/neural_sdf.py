@@ -1,7 +1,7 @@
 """A mesh as an implicit surface: a network fitted to its signed distance, kept under a hash of the mesh and the fit."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,14 @@ from prtnet.data.implicit import neural
 from prtnet.data.implicit.neural import Neural
 from prtnet.data.implicit.surface import Implicit
 from prtnet.data.implicit.surface_error import SurfaceError, surface_error
-from prtnet.data.scene import Material, Scene
+from prtnet.data.scene import Frame, Material, Scene
 from prtnet.data.signed_distance import Distance
 from prtnet.models import neural_sdf
 from prtnet.store import Artifact, Store
 
 # part of every key: raised when a fit changes for the same inputs
 VERSION = 1
+FILLED = 0.97  # of [-1, 1] by the mesh: a fit may bulge, and what is beyond is neither learned nor seen
 STEPS_A_SECOND = 200  # of CPU time at the default size; for the estimate alone
 
 
@@ -47,6 +48,7 @@ def implicit_of_mesh(scene: Scene, options: SdfOptions, store: Store) -> Fitted:
     nothing is kept.
     """
     check(options)
+    scene = replace(scene, frame=Frame(scene.frame.centre, scene.frame.scale * FILLED))
     words = {key: getattr(options, key) for key in ("width", "depth", "steps", "seed", "largest_error")}
     inputs = {"version": VERSION, "scene": scene.digest(), "fit": words}
     kept = store.once("neural_sdf", inputs, lambda: _fitted(scene, options, store, inputs))

@@ -53,7 +53,8 @@ def surface_error(field: Neural, distance: Distance, rng: np.random.Generator, c
     found = onto(field, samples.area_uniform(surface, count, rng).positions, furthest=2 / RESOLUTION)
     given = samples.area_uniform(distance.scene, count, rng).positions
     given = given[~distance.hidden(distance.nearest(given), rng)]
-    to_mesh, from_mesh = distance.nearest(found).distance / 2, Distance(surface).nearest(given).distance / 2
+    side = np.ptp(distance.scene.vertices, axis=0).max()
+    to_mesh, from_mesh = distance.nearest(found).distance / side, Distance(surface).nearest(given).distance / side
     shell = np.clip(given + rng.uniform(-SHELL, SHELL, given.shape), -half, half)
     off = np.abs(np.linalg.norm(field.gradient(shell), axis=1) - 1)
     spread = rng.uniform(-1, 1, (count, 3)) * half

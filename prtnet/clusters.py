@@ -25,6 +25,8 @@ Array = np.ndarray
 
 FORMAT = 1
 FILE = "clusters.json"
+# what a triangle that reaches into two clusters is, and what chooses a net: see `render.clusters`
+BORDERS, SELECTS = ("clip", "assign"), ("draw", "fragment")
 
 
 class Plane(NamedTuple):

@@ -211,17 +211,24 @@ class Tracer:
         Traces short runs of neighbours, as a bake does, and forgets them: no count, no result, no random state is
         touched. The first call in a process also loads the compiled kernel, outside the clock.
         """
-        rng = np.random.default_rng(0)
-        table = Table(*sets.local_set("cosine_fibonacci", 512, rng), bands)
-        order = morton_order(self.frame.to_unit(positions))
-        runs = np.array_split(order, 16)
-        chosen = np.concatenate([run[: max(1, points // 16)] for run in runs])
-        origins = self.origins(positions[chosen], normals[chosen])
-        turns = sets.turns(normals[chosen], rng.random(len(chosen)) * 2 * np.pi)
-        self.gather(origins[:1], turns[:1], table)
-        started = time.perf_counter()
-        self.gather(origins, turns, table)
-        return len(chosen) * len(table.directions) / (time.perf_counter() - started)
+        return rate(self, positions, normals, bands=bands, points=points)
+
+
+def rate(
+    tracer: Any, positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], *, bands: int, points: int
+) -> float:
+    """`measure` of a tracer of any kind."""
+    rng = np.random.default_rng(0)
+    table = Table(*sets.local_set("cosine_fibonacci", 512, rng), bands)
+    order = morton_order(tracer.frame.to_unit(positions))
+    runs = np.array_split(order, 16)
+    chosen = np.concatenate([run[: max(1, points // 16)] for run in runs])
+    origins = tracer.origins(positions[chosen], normals[chosen])
+    turns = sets.turns(normals[chosen], rng.random(len(chosen)) * 2 * np.pi)
+    tracer.gather(origins[:1], turns[:1], table)
+    started = time.perf_counter()
+    tracer.gather(origins, turns, table)
+    return len(chosen) * len(table.directions) / (time.perf_counter() - started)
 
 
 def _offset(vertices: np.ndarray) -> float:

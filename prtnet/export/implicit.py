@@ -8,23 +8,15 @@ The text is that of the field's programs, statement by statement: the same opera
 in float32. It is valid as GLSL 330, 430 and 300 es (where the default precision of float has to be high).
 """
 
-from prtnet.data.implicit.expression import Program
+from prtnet.data.implicit.expression import CALLS, INFIX, Program
 from prtnet.data.implicit.field import Analytic
 from prtnet.export.spelling import number
 
 _GLSL = {
-    "add": "{} + {}",
-    "sub": "{} - {}",
-    "mul": "{} * {}",
-    "div": "{} / {}",
+    **INFIX,
+    **CALLS,
     "min": "min({}, {})",
     "max": "max({}, {})",
-    "neg": "-{}",
-    "abs": "abs({})",
-    "sqrt": "sqrt({})",
-    "floor": "floor({})",
-    "sin": "sin({})",
-    "cos": "cos({})",
     "select": "{0} < {1} ? {2} : {3}",
 }
 

@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 # part of every key: raised when a stage's result changes for the same inputs
 VERSION = 2
 # of transfer.tracer: the surface itself; and where it is quick enough
-MARCHED, AUTO = "marched", "auto"
+MARCHED, AUTO = MarchTracer.kind, "auto"
 MARCHING = (MARCHED, AUTO)
 
 

@@ -10,6 +10,7 @@ from prtnet.config import METHODS, Config, SceneOptions
 from prtnet.data import builtin, normal_map, scene
 from prtnet.data.implicit import builtin as shapes
 from prtnet.data.implicit import check, file, mesh
+from prtnet.data.implicit.march import MarchTracer
 from prtnet.data.implicit.surface import Described, Implicit
 from prtnet.data.scene import Frame, Scene
 from prtnet.store import Store
@@ -72,7 +73,7 @@ def load(config: Config, store_of: Callable[[str], Store]) -> Loaded:
     `store_of`: where the artifacts of a scene of that name are.
     """
     if not is_implicit(config.scene):
-        if config.transfer.tracer == "marched":
+        if config.transfer.tracer == MarchTracer.kind:
             raise PrtnetError("transfer.tracer: found marched on triangles, expected auto, fused or embreex")
         found = _triangles(config)
         return Loaded(found.centred(), found.frame)

@@ -5,13 +5,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 from prtnet import PrtnetError
+from prtnet.clusters import BORDERS, SELECTS
 from prtnet.config import Config
 from prtnet.models import recipe
 from prtnet.models.recipe import TrainOptions
 
 BY = ("grid", "parts", "count")
-BORDERS = ("clip", "assign")
-SELECTS = ("draw", "fragment")
 MOST = 1024  # leaves: the merge looks at all pairs of them
 
 

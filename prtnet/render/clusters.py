@@ -26,7 +26,6 @@ from prtnet.render.raster import Portion, Raster
 
 Array = np.ndarray
 
-BORDERS = ("clip", "assign")
 MARGIN = 1e-5  # in unit lengths: float32 on the way to a fragment
 
 
@@ -138,7 +137,7 @@ def shares(
 def faces_of(spec: ClusterSpec, scene: Scene, border: str) -> Bool[Array, "c f"]:
     """The faces of each cluster's draw call, in unit coordinates: those that its region, grown by delta, touches, or
     those whose centroid it has."""
-    assert border in BORDERS
+    assert border in clusters.BORDERS
     corners = scene.vertices[scene.faces].astype(np.float64)
     if spec.split.parts or border == "assign":
         owner = clusters.blend(spec.split, spec.cluster, 0.0, corners.mean(axis=1), scene.part)

@@ -30,6 +30,9 @@ ARGUMENTS = {
     "cos": 1,
     "select": 4,
 }
+# as C and Python spell them
+INFIX = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
+CALLS = {name: f"{name}({{}})" for name in ("abs", "sqrt", "floor", "sin", "cos")}
 LEAVES = ("x", "y", "z", "constant")
 
 NUMPY: Mapping[str, Callable[..., Any]] = {

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from prtnet.data.implicit.derivative import with_gradient
-from prtnet.data.implicit.expression import POINT, Program
+from prtnet.data.implicit.expression import CALLS, INFIX, POINT, Program
 from prtnet.data.implicit.operators import moved, scaled, union
 from prtnet.data.implicit.shapes import Shape
 from prtnet.data.scene import Frame
@@ -24,19 +24,11 @@ LEAST_SLOPE, STEP = 1e-3, 1e-5  # below that slope, differences over twice that 
 CHUNK = 1 << 14  # points whose steps stay in the cache
 
 _PYTHON = {
-    "add": "{} + {}",
-    "sub": "{} - {}",
-    "mul": "{} * {}",
-    "div": "{} / {}",
+    **INFIX,
+    **CALLS,
     # as the processor's own instructions
     "min": "{0} if {0} < {1} else {1}",
     "max": "{0} if {0} > {1} else {1}",
-    "neg": "-{}",
-    "abs": "abs({})",
-    "sqrt": "sqrt({})",
-    "floor": "floor({})",
-    "sin": "sin({})",
-    "cos": "cos({})",
     "select": "{2} if {0} < {1} else {3}",
 }
 

@@ -17,9 +17,8 @@ from prtnet.data import directions as sets
 from prtnet.data.directions import Table
 from prtnet.data.implicit.compiled import compiled
 from prtnet.data.implicit.field import Field, unit_gradient
-from prtnet.data.samples import morton_order
 from prtnet.data.scene import IDENTITY, Frame
-from prtnet.data.tracer import rays
+from prtnet.data.tracer import rate, rays
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -142,18 +141,11 @@ class MarchTracer:
         self, positions: Float[Array, "n 3"], normals: Float[Array, "n 3"], *, bands: int = 5, points: int = 1024
     ) -> float:
         """Rays per second of one thread on some of these points: what an estimate of a bake's time needs."""
-        rng = np.random.default_rng(0)
-        table = Table(*sets.local_set("cosine_fibonacci", 512, rng), bands)
-        order = morton_order(self.frame.to_unit(positions))
-        chosen = np.concatenate([run[: max(1, points // 16)] for run in np.array_split(order, 16)])
-        origins = self.origins(positions[chosen], normals[chosen])
-        turns = sets.turns(normals[chosen], rng.random(len(chosen)) * 2 * np.pi)
         lost = self.rays_lost
-        self.gather(origins[:1], turns[:1], table)
-        started = time.perf_counter()
-        self.gather(origins, turns, table)
-        self.rays_lost = lost
-        return len(chosen) * len(table.directions) / (time.perf_counter() - started)
+        try:
+            return rate(self, positions, normals, bands=bands, points=points)
+        finally:
+            self.rays_lost = lost
 
     def _distances(self, points: Float32[Array, "n 3"]) -> Float32[Array, " n"]:
         return _distances(self._lanes, points)

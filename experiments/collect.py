@@ -11,11 +11,15 @@ takes what a sweep has written of itself in runs/network_size into experiments/n
 its default recipe and the commit it was collected at.
 """
 
+import csv
+import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
@@ -73,6 +77,25 @@ def commit() -> str:
     commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
     changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "../prtnet", "../configs"], check=False).returncode
     return f"{commit}{' with changes' if changed else ''}"
+
+
+def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Rows of figures in four digits, one column for each name."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(columns), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: _rounded(value) for key, value in row.items()} for row in rows)
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+def write_command(path: Path, sweeps: Sequence[Path]) -> None:
+    """What made the results of sweeps: their commands, this commit, the versions of the first."""
+    commands = "".join((sweep / "command.txt").read_text(encoding="utf-8") for sweep in sweeps)
+    versions = json.dumps(score.read(sweeps[0] / "score.json")[1])
+    store.write_text(path, f"{commands}# collected at commit {commit()}\n# {versions}\n")
 
 
 def _named(argument: str) -> tuple[str, Path]:

@@ -7,7 +7,6 @@ writes certificates.csv (all figures), certificates.md (the main ones), chart.pn
 experiments/exports/results/.
 """
 
-import csv
 import json
 import sys
 from collections.abc import Callable
@@ -189,20 +188,11 @@ def report(sweep: Path, results: Path) -> list[Row]:
     """Write the results of a sweep; pictures that are there stay."""
     rows = gather(sweep)
     results.mkdir(parents=True, exist_ok=True)
-    with (results / "certificates.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: _rounded(value) for key, value in row.items()} for row in rows)
+    collect.write_csv(results / "certificates.csv", COLUMNS, rows)
     store.write_text(results / "certificates.md", markdown(rows))
-    versions = json.dumps(score.read(sweep / "score.json")[1])
-    command = (sweep / "command.txt").read_text(encoding="utf-8")
-    store.write_text(results / "command.txt", f"{command}# collected at commit {collect.commit()}\n# {versions}\n")
+    collect.write_command(results / "command.txt", [sweep])
     chart(results / "chart.png", rows)
     return rows
-
-
-def _rounded(value: Any) -> Any:
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ takes every point of these sweeps, counts what its networks hold, and writes net
 experiments/large_scene/results/.
 """
 
-import csv
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -181,23 +180,14 @@ def report(sweeps: Sequence[Path], results: Path) -> list[Row]:
     """Write the results of sweeps; the views are those of the first."""
     rows = gather(sweeps)
     results.mkdir(parents=True, exist_ok=True)
-    with (results / "networks.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: _rounded(value) for key, value in row.items()} for row in rows)
+    collect.write_csv(results / "networks.csv", COLUMNS, rows)
     store.write_text(results / "networks.md", markdown(rows))
-    versions = json.dumps(score.read(sweeps[0] / "score.json")[1])
-    commands = "".join((sweep / "command.txt").read_text(encoding="utf-8") for sweep in sweeps)
-    store.write_text(results / "command.txt", f"{commands}# collected at commit {collect.commit()}\n# {versions}\n")
+    collect.write_command(results / "command.txt", sweeps)
     chart(results / "chart.png", rows)
     large, whole = (sorted(sweeps[0].glob(f"ablation={word},*")) for word in (LARGE, WHOLE))
     if large and whole:
         views(results / "sheet.jpg", large[0], whole[0])
     return rows
-
-
-def _rounded(value: Any) -> Any:
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ file that does not match it, means that the artifact does not exist and is made 
 """
 
 import fcntl
+import glob
 import hashlib
 import json
 import logging
@@ -51,9 +52,11 @@ def atomic(path: Path) -> Iterator[Path]:
     written or is full.
     """
     # machines that share the folder have processes of equal numbers
-    temporary = path.with_name(f".{path.name}.{os.uname().nodename}.{os.getpid()}.tmp")
+    machine = f"{path.name}.{os.uname().nodename}"
+    temporary = path.with_name(f".{machine}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _clear(path.parent, machine)
         mode = _usual_mode(temporary)
         yield temporary
         with temporary.open("rb") as file:
@@ -67,6 +70,22 @@ def atomic(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _clear(folder: Path, machine: str) -> None:
+    """Delete what processes of this machine that are no more, killed as they wrote the same file, have left."""
+    for left in folder.glob(f".*{glob.escape(machine)}.*.tmp"):
+        process = left.name.split(".")[-2]
+        if process.isdecimal() and _ended(int(process)):
+            left.unlink(missing_ok=True)
+
+
+def _ended(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
+    return False
 
 
 def _mode(path: Path) -> int:

@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import signal
 import time
 from functools import partial
 from pathlib import Path
@@ -82,6 +83,24 @@ def test_atomic_leaves_nothing_behind_when_it_fails(tmp_path):
         write_half()
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def _dies_as_it_writes(path: Path) -> None:
+    with store.atomic(path) as outer, store.atomic(outer) as temporary:
+        temporary.write_text("half")
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_what_a_killed_process_left_is_cleared_when_the_file_is_written_again(tmp_path):
+    written = tmp_path / "written"
+    killed = multiprocessing.get_context("spawn").Process(target=_dies_as_it_writes, args=(written,))
+    killed.start()
+    killed.join()
+    assert len(list(tmp_path.iterdir())) == 1
+    with store.atomic(written) as temporary:
+        temporary.write_text("whole")
+    assert list(tmp_path.iterdir()) == [written]
+    assert written.read_text() == "whole"
 
 
 def test_shards_go_on_where_they_were(shelf):

@@ -12,7 +12,7 @@ from prtnet.data.analytic_light import AnalyticOptions
 from prtnet.models.recipe import ModelOptions, TrainOptions
 
 STAGES = ("bake", "size", "train", "export", "score", "view")
-METHODS = ("texture", "vertex", "net", "clusters", "lit_texture", "unshadowed")
+METHODS = ("texture", "vertex", "net", "clusters", "lit_texture", "unshadowed", "pca", "cpca", "data_driven")
 
 
 @dataclass
@@ -193,6 +193,47 @@ class SplitOptions:
 
 
 @dataclass
+class DataDrivenOptions:
+    """Of the method data_driven: light between surfaces by an operator that is learned from random lights."""
+
+    # kinds of lights that a configuration is drawn from in turns: point, spot, directional, environment
+    scenario: list[str] = field(default_factory=lambda: ["spot"])
+    colours: str = "white"  # of lights, or random
+    configurations: int = 128  # to learn from, for each keyframe
+    unseen: int = 16  # others of the same scenario, or of `lit_by`, that errors are measured under
+    lit_by: list[str] = field(default_factory=list)  # the scenario of those; the same where none is named
+    points: int = 256  # where direct light is measured
+    supersampling: int = 8  # surface points that each of them is the mean of
+    place: str = "surface"  # of the points, or hull: a smooth one around the scene, for hair and foliage
+    elements: int = 16  # of the basis
+    ridge: float = 0.01  # lambda, with direct vectors of unit length
+    channels: str = "shared"  # one basis for all colours, or separate
+    gamma: float = 1.0  # of the space it is learned in: 1 is linear, 2.2 that of displays
+    renderer: str = "bounces"  # between diffuse surfaces; or subsurface or hair, by Mitsuba (the extra paths)
+    size: int = 256  # texels along one side of the lightmaps
+    directions: int = 512  # rays per texel and bounce; of Mitsuba, samples per texel
+    bounces: int = 4
+    density: float = 20.0  # subsurface: extinction per unit length of the medium inside; the scene is 2 long
+    # poses of an animated part: [{part: NAME, move: [x, y, z], turn: DEGREES about y through its middle}, ...]
+    keyframes: list[dict[str, Any]] = field(default_factory=list)
+    matrices: str = "each"  # keyframe has a matrix of its own, or one for all
+    tested_views: int = 2  # that are drawn
+    tested_lights: int = 4  # of the unseen configurations that views are drawn under
+    samples: int = 256  # paths per pixel of their reference
+
+
+@dataclass
+class LinearOptions:
+    """Of the methods pca and cpca: SH transfer as a weighted sum of a few vectors."""
+
+    store: str = "texel"  # where weights are kept, or vertex
+    elements: int = 8  # vectors, of each cluster with cpca
+    clusters: int = 32  # of cpca
+    size: int | None = None  # texels along one side of the weights; atlas.size when left out
+    bytes: str = "free"  # or net or texture: size and elements are the best that take no more than these do
+
+
+@dataclass
 class Config:
     scene: SceneOptions = field(default_factory=SceneOptions)
     sdf: SdfOptions = field(default_factory=SdfOptions)
@@ -208,12 +249,14 @@ class Config:
     export: ExportOptions = field(default_factory=ExportOptions)
     size: SizeOptions = field(default_factory=SizeOptions)
     split: SplitOptions = field(default_factory=SplitOptions)
+    data_driven: DataDrivenOptions = field(default_factory=DataDrivenOptions)
+    linear: LinearOptions = field(default_factory=LinearOptions)
     # bake, size, train, export, score: up to the last one named is made where missing; size only where it is named;
     # view, a window, needs what export does
     stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage not in ("size", "view")])
     # texture, vertex, net, clusters (of a split scene), unshadowed (the lobe of the normal alone), lit_texture (with
-    # bounces); none named: the first three, and on implicit surfaces, which have no atlas and no vertices, unshadowed
-    # and net
+    # bounces), pca and cpca (of the transfer of texels or vertices), data_driven (also by itself); none named: the first
+    # three, and on implicit surfaces, which have no atlas and no vertices, unshadowed and net
     methods: list[str] = field(default_factory=list)
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
 
 # a module may import what stands in its own row or above
 ROWS = [
-    {"__init__", "sh", "encoding", "netspec", "clusters", "store", "gl", "console"},
+    {"__init__", "sh", "encoding", "netspec", "clusters", "data_driven", "store", "gl", "console"},
     {"data"},
     {"models", "export"},
     {"render"},

@@ -255,8 +255,8 @@ class Config:
     # view, a window, needs what export does
     stages: list[str] = field(default_factory=lambda: [stage for stage in STAGES if stage not in ("size", "view")])
     # texture, vertex, net, clusters (of a split scene), unshadowed (the lobe of the normal alone), lit_texture (with
-    # bounces), pca and cpca (of the transfer of texels or vertices), data_driven (also by itself); none named: the first
-    # three, and on implicit surfaces, which have no atlas and no vertices, unshadowed and net
+    # bounces), pca and cpca (of the transfer of texels or vertices), data_driven (also by itself); none named: the
+    # first three, and on implicit surfaces, which have no atlas and no vertices, unshadowed and net
     methods: list[str] = field(default_factory=list)
     out: str | None = None  # the run folder; runs/<scene> when left out
     cache: str | None = None  # artifacts, shared by the runs that name it; <out>/cache when left out

@@ -41,6 +41,8 @@ class Measurement:
     normals: Float32[Array, "m s 3"]  # unit, shading
     geometric_normals: Float32[Array, "m s 3"]  # unit, the side on which shadow rays start
     albedo: Float32[Array, "m s 3"]  # linear RGB
+    # the mean of albedo / pi times transfer: what light from far away adds to an entry; k = 0 where none is expected
+    transfer: Float32[Array, "m k 3"]
 
     @property
     def count(self) -> int:

@@ -4,12 +4,12 @@ Errors are relative. Each configuration is divided by the norm of its direct vec
 light outweighs the others; an error is the root of the sum of its squares over that of the lightmaps' own squares.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Float64
 
 from prtnet import PrtnetError
 from prtnet.data.lighting.lamp import Lighting
@@ -46,12 +46,10 @@ def measure(
     """
     few, tested = compressed(training, unseen)
     plain = {"elements": elements, "ridge": ridge}
-    count, sizes = few.direct.shape[1], _halves(_each(few))
+    sizes = _halves(_each(few))
     found = {
         "elements": by_elements(few, tested, ridge),
-        "points": [
-            _line({"points": m}, _first_points(few, m), _first_points(tested, m), **plain) for m in _up_to(POINTS, count)
-        ],
+        "points": by_points(few, tested, **plain),
         "ridge": [_line({"ridge": each}, few, tested, elements=elements, ridge=each) for each in RIDGES],
         "configurations": [_line({"configurations": c}, first(few, c), tested, **plain) for c in sizes],
         "noise": by_noise(training, unseen, noise, rng=rng, **plain),
@@ -65,10 +63,16 @@ def measure(
 
 
 def errors(
-    learned: Learned, pairs: Pairs, *, gamma: float = 1.0, elements: int | None = None
+    learned: Learned,
+    pairs: Pairs,
+    *,
+    gamma: float = 1.0,
+    elements: int | None = None,
+    sizes: Float64[Array, " c"] | None = None,
 ) -> tuple[float, float]:
-    """(of the operator, of the projection on its basis) with the first `elements` of it; see above."""
-    size = np.linalg.norm(pairs.direct.astype(np.float64), axis=(1, 2))
+    """(of the operator, of the projection on its basis) with the first `elements` of it; `sizes`: what configurations
+    are divided by, where it is not the norm of these direct vectors. What has no size has no error."""
+    size = norms(pairs) if sizes is None else sizes
     lit = np.flatnonzero(size > DARK * max(size.max(initial=0.0), 1e-30))
     weight, keyframe = 1 / size[lit] ** 2, np.zeros(len(lit), int)
     if pairs.keyframe is not None and len(learned.matrices) > 1:
@@ -89,6 +93,11 @@ def errors(
     return float(operator), float(projection)
 
 
+def norms(pairs: Pairs) -> Float64[Array, " c"]:
+    """Of direct vectors, all colours together."""
+    return np.linalg.norm(pairs.direct.astype(np.float64), axis=(1, 2))
+
+
 def compressed(training: Pairs, unseen: Pairs) -> tuple[Pairs, Pairs]:
     """The same pairs with lightmaps in coordinates of an orthonormal basis of all of them, fewer than texels are.
 
@@ -99,7 +108,7 @@ def compressed(training: Pairs, unseen: Pairs) -> tuple[Pairs, Pairs]:
     if len(stacked) >= stacked.shape[1]:
         return training, unseen
     # Q R = stacked^T, and so R^T are the coordinates of its rows
-    coordinates = np.linalg.qr(stacked.T, mode="r").T.astype(np.float32)
+    coordinates = np.asarray(np.linalg.qr(stacked.T, mode="r")).T.astype(np.float32)
     parts = np.split(coordinates, [len(rows[0])])
     maps = [np.moveaxis(each.reshape(-1, 3, each.shape[1]), 1, 2) for each in parts]
     return replace(training, lightmaps=maps[0]), replace(unseen, lightmaps=maps[1])
@@ -112,6 +121,19 @@ def by_elements(training: Pairs, unseen: Pairs, ridge: float) -> list[Line]:
         if learned:
             return [{"elements": n} | _errors(learned, training, unseen, elements=n) for n in _up_to(ELEMENTS, most)]
     return []
+
+
+def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
+    """Of the first measurement points: sample elimination leaves them in an order of which any beginning is spread
+    well. Errors are divided by what all points measure, so that they compare."""
+    lines = []
+    for count in _up_to(POINTS, training.direct.shape[1]):
+        learned = _learned(_first_points(training, count), **settings)
+        if learned:
+            own = errors(learned, _first_points(training, count), sizes=norms(training))[0]
+            other, projection = errors(learned, _first_points(unseen, count), sizes=norms(unseen))
+            lines.append({"points": count, "training": own, "unseen": other, "projection": projection})
+    return lines
 
 
 def by_noise(
@@ -127,7 +149,7 @@ def by_noise(
         learned = _learned(noisy, **settings)
         # what is asked is how near the lightmaps of all rays are
         if learned:
-            line = {"rays": 1 / share, "noise": own * np.sqrt(share)}
+            line = {"rays": 1 / share, "noise": float(own * np.sqrt(share))}
             lines.append(line | _errors(learned, training, unseen))
     return lines
 
@@ -147,22 +169,30 @@ def by_space(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
 
 def _joint(training: Pairs, unseen: Pairs, coloured: Pairs, elements: int, ridge: float) -> Line:
     """Errors of an operator from the 3 m direct values of all colours to 3 t texels; one for all keyframes."""
-    direct = training.direct.reshape(len(training.direct), -1).astype(np.float64)
-    size = np.linalg.norm(direct, axis=1)
-    lit = size > DARK * size.max()
-    maps = training.lightmaps.reshape(len(direct), -1)[lit] / size[lit, None]
-    basis, c = basis_of(maps, min(elements, len(maps)))
-    matrix = ridge_of(c, (direct[lit] / size[lit, None]).T, ridge)
+    light, maps, weight = _in_one(training)
+    lit = weight > 0
+    try:
+        basis, c = basis_of(maps[lit] * weight[lit, None], elements)
+    except PrtnetError:
+        return {}
+    matrix = ridge_of(c, (light[lit] * weight[lit, None]).T, ridge)
     found: Line = {"channels": "joint", "gamma": 1.0}
     for name, pairs in {"training": training, "unseen": unseen, "coloured": coloured}.items():
-        light, wanted = (each.reshape(len(each), -1) for each in (pairs.direct, pairs.lightmaps))
-        weight = 1 / np.maximum(np.linalg.norm(light, axis=1), 1e-30)[:, None]
-        made = (light @ matrix.T) @ basis
-        found[name] = float(np.linalg.norm((made - wanted) * weight) / np.linalg.norm(wanted * weight))
-        if name == "unseen":
-            left = wanted - (wanted @ basis.T) @ basis
-            found["projection"] = float(np.linalg.norm(left * weight) / np.linalg.norm(wanted * weight))
+        light, wanted, weight = _in_one(pairs)
+        made = {name: (light @ matrix.T) @ basis}
+        made |= {"projection": (wanted @ basis.T) @ basis} if name == "unseen" else {}
+        whole = np.linalg.norm(wanted * weight[:, None])
+        found |= {key: float(np.linalg.norm((each - wanted) * weight[:, None]) / whole) for key, each in made.items()}
     return found
+
+
+def _in_one(pairs: Pairs) -> tuple[Float64[Array, "c _"], Float64[Array, "c _"], Float64[Array, " c"]]:
+    """Direct vectors and lightmaps with the values of all colours in a row, and one over the norm of the former, 0 of
+    dark ones."""
+    light, maps = (each.reshape(len(each), -1).astype(np.float64) for each in (pairs.direct, pairs.lightmaps))
+    size = np.linalg.norm(light, axis=1)
+    lit = size > DARK * max(size.max(initial=0.0), 1e-30)
+    return light, maps, np.where(lit, 1 / np.where(lit, size, 1), 0)
 
 
 def tinted(pairs: Pairs) -> Pairs:
@@ -202,7 +232,6 @@ def first(pairs: Pairs, count: int) -> Pairs:
 
 
 def _first_points(pairs: Pairs, count: int) -> Pairs:
-    """Sample elimination leaves points in an order of which any beginning is spread well."""
     return replace(pairs, direct=pairs.direct[:, :count])
 
 
@@ -224,10 +253,10 @@ def _up_to(values: Sequence[int], most: int) -> list[int]:
 
 
 def _learned(pairs: Pairs, **settings: Any) -> Learned | None:
+    """None where there are too few configurations for so many elements."""
     try:
         return learn(pairs, **settings)
     except PrtnetError:
-        # too few configurations for so many elements
         return None
 
 

@@ -1,7 +1,7 @@
 """Data-driven transfer on screen: what lamps light directly, by shadow maps, and what bounces of it, by the operator.
 
-A lamp that moves costs its shadow maps, the direct light at the measurement points by the very same shader, and u = M x;
-each pixel then blends the basis textures. Nothing of that leaves the graphics card.
+A lamp that moves costs its shadow maps, the direct light at the measurement points by the very same shader, and u =
+M x. Each pixel then blends the basis textures. Nothing of that leaves the graphics card.
 """
 
 from collections.abc import Sequence

@@ -173,7 +173,7 @@ def test_what_cannot_be(board):
 
 
 def test_bytes_of_all(board):
-    """Textures and matrices are padded to whole texels of four; points count as `data_driven.byte_count` counts them."""
+    """Textures and matrices are padded to whole texels of four; points count as in `data_driven.byte_count`."""
     spec = made_spec()
     method = DataDrivenMethod(board, spec)
     padding = 4 * (8 * 12 - 6 * POINTS)

@@ -25,6 +25,7 @@ from prtnet.pipeline.job import Job
 
 Array = np.ndarray
 
+
 @dataclass(frozen=True, eq=False)
 class Keyframe:
     """The scene in one pose: where its texels are, and where light is measured."""

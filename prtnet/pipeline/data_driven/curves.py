@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Float, Float64
 
 from prtnet import PrtnetError
 from prtnet.data.lighting.lamp import Lighting
@@ -32,7 +32,7 @@ def measure(
     training: Pairs,
     unseen: Pairs,
     *,
-    noise: Float32[Array, " t"],
+    noise: Float[Array, " t"],
     lightings: Sequence[Lighting] = (),
     elements: int = 16,
     ridge: float = 0.01,

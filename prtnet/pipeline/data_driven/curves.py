@@ -74,8 +74,8 @@ def measure(
     of the plain projection of these others on the basis (projection); what does not vary is `elements`, `ridge`,
     shared channels and a linear space. `noise`: standard error of a texel; `lightings`: those of `unseen`.
 
-    Unseen lights are those of the kinds in `scenario`, where there are some, but for the lines of `lights`, which has all
-    by kind. A setting for which the database is too small has no line.
+    Unseen lights are those of the kinds in `scenario`, where there are some, but for the lines of `lights`, which has
+    all by kind. A setting for which the database is too small has no line.
     """
     few, every = compressed(training, unseen)
     kinds = np.array([kind_of(each) for each in lightings])

@@ -67,7 +67,7 @@ def lights_of(ground: Ground, keyframe: Keyframe, purpose: str) -> list[Lighting
     """The lights of a database, the same whenever they are drawn; a longer list begins with the shorter one."""
     options = ground.job.config.data_driven
     count = options.unseen if purpose == UNSEEN else options.configurations
-    rng = np.random.default_rng([options.seed, zlib.crc32(purpose.encode()), keyframe.number])
+    rng = np.random.default_rng([ground.job.config.seed, zlib.crc32(purpose.encode()), keyframe.number])
     return scenario.draw(
         words.kinds(options, purpose),
         count,
@@ -82,7 +82,7 @@ def lights_of(ground: Ground, keyframe: Keyframe, purpose: str) -> list[Lighting
 def _of_keyframe(ground: Ground, keyframe: Keyframe, purpose: str) -> Database:
     job, options = ground.job, ground.job.config.data_driven
     lightings = lights_of(ground, keyframe, purpose)
-    names = ("renderer", "directions", "bounces", "density", "seed")
+    names = ("renderer", "directions", "bounces", "density")
     inputs = ground.inputs | {name: getattr(options, name) for name in names}
     inputs |= {
         "purpose": purpose,
@@ -122,7 +122,7 @@ def _of_keyframe(ground: Ground, keyframe: Keyframe, purpose: str) -> Database:
 def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Sequence[Lighting], int], Rendered]:
     """What makes lightmaps of some lights, the shard's number given."""
     options = ground.job.config.data_driven
-    seeds = [options.seed, zlib.crc32(purpose.encode()), keyframe.number]
+    seeds = [ground.job.config.seed, zlib.crc32(purpose.encode()), keyframe.number]
     if options.renderer == words.SUBSURFACE:
         from prtnet.data.lightmap import subsurface
 

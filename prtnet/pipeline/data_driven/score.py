@@ -83,7 +83,7 @@ def score_lights(job: Job, made: Operator) -> Scored:
     options = job.config.data_driven
     inputs = {
         "operator": made.key,
-        "tested": [options.tested_views, options.tested_lights, options.samples, options.bounces, options.seed],
+        "tested": [options.tested_views, options.tested_lights, options.samples, options.bounces, job.config.seed],
         "size": job.config.render.size,
         "camera": job.config.scene.camera,
         "columns": list(score.KEYS),
@@ -146,7 +146,7 @@ def reference(job: Job, made: Operator, shown: Lit, *, repeat: int = 0) -> Image
         "size": gbuffer.size,
         "light": lamp.to_dict(shown.lighting),
         "pose": [asdict(pose) for pose in keyframe.pose],
-        "paths": [options.samples, options.bounces, options.seed, repeat],
+        "paths": [options.samples, options.bounces, job.config.seed, repeat],
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
@@ -158,7 +158,7 @@ def reference(job: Job, made: Operator, shown: Lit, *, repeat: int = 0) -> Image
             [shown.lighting],
             samples=options.samples,
             bounces=options.bounces,
-            rng=np.random.default_rng([options.seed, repeat]),
+            rng=np.random.default_rng([job.config.seed, repeat]),
         )
         return {"irradiance": (found.direct + found.indirect)[0].astype(np.float32)}, {}
 

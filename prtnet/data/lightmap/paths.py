@@ -2,9 +2,10 @@
 
     E(p) = E_0(p) + E_1(p) + ... + E_B(p),  E_b(p) = mean over paths p, x_1 .. x_b of a(x_1) .. a(x_b) E_0(x_b)
 
-a: albedo. Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the factors pi
-cancel. E_0, what is lit directly: lamps by shadow rays; light from far away by the next ray of the path, where that
-leaves the scene. No path ends by chance, and none goes on after B bounces. Every lighting uses the same paths.
+a: albedo. Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the
+factors pi cancel. E_0, what is lit directly: lamps by shadow rays; light from far away by the next ray of the path,
+where that leaves the scene. No path ends by chance, and none goes on after B bounces. Every lighting uses the same
+paths.
 """
 
 import logging

@@ -59,8 +59,8 @@ def makers(
         found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
     if (trained_on := baked.points) and (split := exported.clusters) and isinstance(drawing, Raster):
         found["clusters"] = lambda: _clusters(job, trained_on, split, drawing)
-    if (texture := baked.texture) and (learned := baked.operator) and isinstance(drawing, Raster):
-        found["data_driven"] = lambda: _data_driven(job, texture, learned, drawing)
+    if (direct := baked.texture) and (learned := baked.operator) and isinstance(drawing, Raster):
+        found["data_driven"] = lambda: _data_driven(job, direct, learned, drawing)
     return found
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from prtnet import PrtnetError, sh
 from prtnet.data.light import about_y
-from prtnet.export import browser, packing, web, web_content
+from prtnet.export import browser, packing, web, web_content, web_data_driven, web_frame
 from prtnet.export.web import Certificate, PageLight
 from tests.export.pages import BANDS, over_atlas, small
 from tests.nets import random_net, random_texels
@@ -63,13 +63,21 @@ def test_nothing_is_left_open_and_nothing_leads_away(text):
     assert not re.search(r"https?://", text)
 
 
-def test_modules_share_one_room(text):
-    names = re.findall(r"^(?:async )?(?:function|class|const|let) (\w+)", web._script(), re.MULTILINE)
+PAGES = (web.MODULES, web_data_driven.MODULES)
+
+
+@pytest.mark.parametrize("modules", PAGES)
+def test_modules_share_one_room(modules):
+    script = web_frame.script(modules)
+    names = re.findall(r"^(?:async )?(?:function|class|const|let) (\w+)", script, re.MULTILINE)
     assert len(names) == len(set(names))
-    assert "import" not in re.findall(r"^\w+", web._script(), re.MULTILINE)
-    files = {path.stem for path in web.FOLDER.glob("*.js")}
-    assert files == set(web.MODULES)
-    for path in web.FOLDER.iterdir():
+    assert "import" not in re.findall(r"^\w+", script, re.MULTILINE)
+
+
+def test_every_module_is_of_a_page():
+    files = {path.stem for path in web_frame.FOLDER.glob("*.js")}
+    assert files == {name for modules in PAGES for name in modules}
+    for path in web_frame.FOLDER.iterdir():
         assert path.read_text(encoding="utf-8").count("\n") <= 300, path
         assert "</script" not in path.read_text(encoding="utf-8") or path.suffix == ".html"
 

@@ -123,7 +123,7 @@ def _content(spec: DataDriven, atlas: Atlas, lights: Sequence[PageLamp]) -> tupl
         "basis": _halves(image.levels[0][grown]),
     }
     if compared:
-        blocks["references"] = _halves(np.concatenate([_lightmap(spec, each, image.used) for each in compared], 1)[0])
+        blocks["references"] = _halves(np.concatenate([_lightmap(spec, each, image.used) for each in compared], axis=1))
     checked, blocks["checks"] = _checks(spec, lights)
     return about | {
         "pages": [{"first": 0, "count": len(atlas.scene.faces)}],
@@ -138,6 +138,7 @@ def _content(spec: DataDriven, atlas: Atlas, lights: Sequence[PageLamp]) -> tupl
         "points": measurement.count,
         "samples": measurement.positions.shape[1],
         "gamma": spec.gamma,
+        "scale": driven.scale_of(spec),
         "quantity": spec.quantity,
         "lights": [_about(light, compared) for light in lights],
         "checked": checked,
@@ -148,3 +149,86 @@ def _content(spec: DataDriven, atlas: Atlas, lights: Sequence[PageLamp]) -> tupl
         },
         "needs": _needs(spec, len(compared)),
     }, blocks
+
+
+def _grown(used: Bool[Array, "s s"]) -> Bool[Array, "s s"]:
+    """The texels in use, and the rings around them."""
+    return texture.dilated(used[..., None].astype(np.float32), used, RINGS)[..., 0] > 0
+
+
+def _halves(values: Float[Array, "n c"]) -> Block:
+    return packing.pack(np.ascontiguousarray(values.astype(np.float16)).view(np.uint16), delta=True)
+
+
+def _lightmap(spec: DataDriven, light: PageLamp, used: Bool[Array, "s s"]) -> Float32[Array, "g 3"]:
+    """Of the texels in use and those around them."""
+    found = None if light.lightmap is None else light.lightmap.shape
+    if light.lightmap is None or found != (len(spec.texels), 3):
+        raise PrtnetError(f"web page: found a lightmap {found} of {light.name}, expected {(len(spec.texels), 3)}")
+    return texture.dilated(data_driven.image(spec, light.lightmap), used, RINGS)[_grown(used)]
+
+
+def _measured(spec: DataDriven) -> Float32[Array, "3 s m 4"]:
+    """Textures of s rows, one column for each point: positions, normals, geometric normals; albedo / pi in their w."""
+    found = spec.measurements[0]
+    albedo = found.albedo / np.float32(np.pi)
+    fields = (found.positions, found.normals, found.geometric_normals)
+    each = [np.concatenate([values, albedo[..., i : i + 1]], axis=2) for i, values in enumerate(fields)]
+    return np.swapaxes(np.stack(each), 1, 2).astype(np.float32)
+
+
+def _casters(atlas: Atlas) -> dict[str, Any]:
+    """Backs of two-sided faces cast the shadows of their fronts, which come first."""
+    scene = atlas.scene
+    count = len(scene.faces) if scene.face_origin is None else int(scene.face_origin.max()) + 1
+    used = scene.vertices[np.unique(scene.faces[:count])]
+    return {"count": count, "box": numbers(np.stack([used.min(axis=0), used.max(axis=0)]))}
+
+
+def _shadows() -> dict[str, float]:
+    return {
+        "size": SHADOW_SIZE,
+        "slope": lamps.SLOPE_BIAS,
+        "bias": lamps.DEPTH_BIAS,
+        "margin": lamps.MARGIN,
+        "near": lamps.NEAR,
+        "wide": lamps.WIDE,
+    }
+
+
+def _about(light: PageLamp, compared: Sequence[PageLamp]) -> dict[str, Any]:
+    lamp = light.lamp
+    own = {name: [float(value) for value in getattr(lamp, name)] for name in ("colour", "position", "aim")}
+    own |= {"kind": lamp.kind, "inner": float(lamp.inner), "outer": float(lamp.outer)}
+    reference = next((i for i, each in enumerate(compared) if each is light), None)
+    return {"name": light.name, "lamp": own, "exposure": float(light.exposure), "reference": reference}
+
+
+def _checks(spec: DataDriven, lights: Sequence[PageLamp]) -> tuple[dict[str, Any], Block]:
+    """Centres of some texels; of each light with a direct vector that, u, and what the quantity is at those texels."""
+    rng = np.random.default_rng(0)
+    few = np.sort(rng.permutation(len(spec.texels))[:CHECKED_TEXELS])
+    row, column = np.divmod(np.asarray(spec.texels)[few], spec.size)
+    uv = np.stack([column + 0.5, spec.size - row - 0.5], axis=1) / spec.size
+    values = [uv]
+    checked = [index for index, light in enumerate(lights) if light.direct is not None]
+    for index in checked:
+        direct = lights[index].direct
+        assert direct is not None
+        # the page has no light below 0
+        shown = np.maximum(data_driven.indirect(spec, direct)[few], 0)
+        values += [direct, data_driven.coefficients(spec, direct), shown]
+    flat = np.concatenate([each.astype(np.float32).ravel() for each in values])
+    return {"lights": checked, "texels": len(few)}, packing.pack_floats(flat)
+
+
+def _needs(spec: DataDriven, references: int) -> dict[str, int]:
+    """Limits of WebGL 2 by their names, and what the page asks of them."""
+    layers, banks = quads(spec.elements), spec.basis.shape[0]
+    points = spec.matrices.shape[3]
+    return {
+        "MAX_TEXTURE_SIZE": max(spec.size, points, banks * driven.width(spec), SHADOW_SIZE, CHECKED_TEXELS),
+        "MAX_ARRAY_TEXTURE_LAYERS": max(banks * layers, references, lamps.FACES),
+        "MAX_TEXTURE_IMAGE_UNITS": UNITS,
+        "MAX_FRAGMENT_UNIFORM_VECTORS": 4 * lamps.FACES + 3 + 4 * layers + UNIFORMS,
+    }

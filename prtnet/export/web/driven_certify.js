@@ -19,7 +19,7 @@ export function evaluate(renderer, { lamp, direct, uv }) {
   }
   return {
     direct: renderer.read(renderer.direct, model.points),
-    coefficients: renderer.coefficients.subarray(0, 3 * model.elements),
+    coefficients: renderer.coefficients.subarray(0, 3 * model.elements).map((value) => value * model.scale),
     indirect: uv ? indirectOf(renderer, uv) : null,
   };
 }

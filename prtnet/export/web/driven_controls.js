@@ -22,6 +22,7 @@ export class DrivenControls extends Panel {
     byId("lamp-macs").textContent = about.costs.lamp.toLocaleString("en");
     byId("parts").hidden = about.quantity !== "irradiance";
     byId("sources").hidden = about.lights.every(({ reference }) => reference === null);
+    byId("expose").onclick = () => this.expose();
     this.handles = new Handles(viewer, byId("stage"), (name, point) => this.move({ [name]: point }));
     this.fill();
   }
@@ -102,14 +103,20 @@ export class DrivenControls extends Panel {
     return {
       l: () => this.set({ light: (state.light + 1) % about.lights.length }),
       k: () => this.set({ kind: next(KINDS_OFFERED, state.kind) }),
+      e: () => this.expose(),
       d: () => this.set({ parts: next(["both", "direct", "indirect"], state.parts) }),
     };
+  }
+
+  expose() {
+    this.viewer.expose();
+    this.fill();
   }
 
   timed() {
     const found = this.viewer.time();
     byId("direct-ms").textContent = found.direct.toFixed(1);
     byId("both-ms").textContent = found.both.toFixed(1);
-    byId("lamp-ms").textContent = Math.max(0, found.moved - found.both).toFixed(1);
+    byId("lamp-ms").textContent = found.lamp.toFixed(1);
   }
 }

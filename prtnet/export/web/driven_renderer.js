@@ -111,7 +111,7 @@ export class DrivenRenderer extends Graphics {
 
   draw(view) {
     if (this.gl.isContextLost()) return;
-    this.relight(view.lamp, view.again);
+    this.relight(view.lamp);
     super.draw(view);
   }
 

@@ -1,7 +1,7 @@
 // What is shown: a lamp, which of its light, and where the light between surfaces comes from.
 
 import { toLinear } from "./ball.js";
-import { Frames } from "./frames.js";
+import { Frames, median } from "./frames.js";
 import { dot, minus, unit } from "./lamp.js";
 
 const PARTS = { both: [1, 1], direct: [1, 0], indirect: [0, 1] };
@@ -17,6 +17,7 @@ export class DrivenViewer extends Frames {
   // Changes some of the state and draws; `moving`: as in `changed`. A lamp that changes is none of the database any more.
   set(values, moving = false) {
     const { light, ...others } = values;
+    const before = "kind" in others && others.kind !== this.state.kind ? this.level() : null;
     if (light !== undefined && light >= 0) this.choose(light);
     const lamp = ["kind", "position", "target", "hue", "strength", "outer"].some(
       (name) => name in others && JSON.stringify(others[name]) !== JSON.stringify(this.state[name]),
@@ -24,6 +25,7 @@ export class DrivenViewer extends Frames {
     if ("outer" in others) this.state.inner *= others.outer / this.state.outer;
     Object.assign(this.state, others);
     if (lamp) this.state.light = -1;
+    if (before !== null) this.level(before);
     if (!this.comparable) this.state.method = "learned";
     this.changed(moving);
   }
@@ -66,6 +68,25 @@ export class DrivenViewer extends Frames {
     return light >= 0 && this.about.lights[light].reference !== null;
   }
 
+  // How bright the measurement points are by direct light: the mean of the brightest tenth. `wanted`: the lamp is made so
+  // strong that they are this bright, where it reaches them.
+  level(wanted = null) {
+    const { renderer, about, state } = this;
+    renderer.relight(this.lamp);
+    const direct = renderer.read(renderer.direct, about.points);
+    const each = Float32Array.from({ length: about.points }, (_, j) => Math.max(...direct.subarray(3 * j, 3 * j + 3)));
+    const few = Math.ceil(about.points / 10);
+    const found = each.sort().subarray(-few).reduce((sum, value) => sum + value / few, 0);
+    if (wanted > 0 && found > 0) state.strength *= wanted / found;
+    return found;
+  }
+
+  // Exposes so that these points are just not white.
+  expose() {
+    const found = this.level();
+    if (found > 0) this.set({ ev: Math.min(6, Math.max(-6, Math.log2(0.6 / found / this.about.lights[this.chosen].exposure))) });
+  }
+
   get exposure() {
     return this.about.lights[this.chosen].exposure * 2 ** this.state.ev;
   }
@@ -95,8 +116,19 @@ export class DrivenViewer extends Frames {
     return {
       direct: { method, parts: PARTS.direct },
       both: { method, parts: PARTS.both },
-      moved: { method, parts: PARTS.both, again: true },
     };
+  }
+
+  // And of a lamp that moved, before any pixel is drawn.
+  time(repeats = 5) {
+    const { renderer } = this;
+    const taken = Array.from({ length: repeats }, () => {
+      const started = performance.now();
+      renderer.relight(this.lamp, true);
+      renderer.finish();
+      return performance.now() - started;
+    });
+    return { ...super.time(repeats), lamp: median(taken) };
   }
 
   // Where on the picture a point stands, in CSS pixels, and how far in front of the eye; null behind it.

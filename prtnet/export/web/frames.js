@@ -120,7 +120,6 @@ export class Frames {
         if (i) taken[name].push(performance.now() - started);
       }
     this.changed();
-    const median = (values) => values.sort((a, b) => a - b)[Math.floor(values.length / 2)];
     return Object.fromEntries(Object.entries(taken).map(([name, values]) => [name, median(values)]));
   }
 
@@ -134,3 +133,5 @@ export class Frames {
     return { width: canvas.width, height: canvas.height, data: out };
   }
 }
+
+export const median = (values) => values.sort((a, b) => a - b)[Math.floor(values.length / 2)];

@@ -41,4 +41,8 @@ export class Viewer extends Frames {
       paint: [...hex, state.own ? 0 : 1],
     };
   }
+
+  timed() {
+    return { net: { method: "net" }, [this.about.other]: { method: this.about.other } };
+  }
 }

@@ -96,11 +96,11 @@ def test_hostile_names_stay_words(made):
     assert found.texts["style"] == plain.texts["style"]
     # the HTML parser of browsers makes \r a \n
     assert found.texts["h1"].replace("\r", "\n") == HOSTILE.replace("\r", "\n")
-    source = packing.unpack(_block(text, "net")).tobytes().decode()
+    source = packing.unpack(block(text, "net")).tobytes().decode()
     assert "hacked" not in source
 
 
-def _block(text, name):
+def block(text, name):
     about = about_of(text)["blocks"][name]
     data = base64.b64decode(Parsed(text).texts[f"data-{name}"])
     return packing.Block(data, about["kind"], tuple(about["shape"]), about["delta"])
@@ -108,9 +108,9 @@ def _block(text, name):
 
 def test_blocks_hold_the_mesh(made, text):
     box = packing.Box(**{key: np.array(v, np.float32) for key, v in about_of(text)["box"].items()})
-    found = packing.from_steps(packing.unpack(_block(text, "positions")), box)
+    found = packing.from_steps(packing.unpack(block(text, "positions")), box)
     assert np.abs(found - made.atlas.scene.vertices).max() < 2e-5
-    assert np.array_equal(packing.unpack(_block(text, "faces")), made.atlas.scene.faces)
+    assert np.array_equal(packing.unpack(block(text, "faces")), made.atlas.scene.faces)
 
 
 def test_upright_turns_y_into_z(made, text):

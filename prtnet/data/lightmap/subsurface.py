@@ -33,15 +33,18 @@ def lightmaps(
     samples: int,
     density: float,
     seed: int,
+    albedo: Float[Array, "t 3"] | None = None,
     solid: Sequence[str] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Rendered:
     """Exitance / pi at points of a scene, under each lighting. All paths serve all lightings.
 
     `density` is the extinction per unit length inside of the parts named `solid`, by themselves all that are closed;
-    the others are diffuse. Raises PrtnetError without a working Mitsuba, and where nothing is solid.
+    the others are diffuse. A part has one colour: the mean `albedo` of its points, or without it that of its material.
+    Raises PrtnetError without a working Mitsuba, and where nothing is solid.
     """
-    made = made_of(scene, density=density, solid=solid)
+    colours = None if albedo is None else _means(scene, points, albedo)
+    made = made_of(scene, density=density, solid=solid, colours=colours)
     mi = mitsuba.module()
     positions, normals = (
         mi.Point3f(np.ascontiguousarray(each, np.float32).T)
@@ -90,9 +93,14 @@ def view(
 
 
 def made_of(
-    scene: Scene, *, density: float, solid: Sequence[str] | None = None, extra: dict[str, Any] | None = None
+    scene: Scene,
+    *,
+    density: float,
+    solid: Sequence[str] | None = None,
+    colours: Float[Array, "parts 3"] | None = None,
+    extra: dict[str, Any] | None = None,
 ) -> Any:
-    """The scene for Mitsuba, in unit coordinates."""
+    """The scene for Mitsuba, in unit coordinates; `colours` of its parts, by themselves those of their materials."""
     mi = mitsuba.module()
     if not density > 0:
         raise PrtnetError(f"data_driven.density: found {density}, expected an extinction above 0 per unit length")
@@ -103,7 +111,7 @@ def made_of(
         of_part = unit.part == number
         if not of_part.any():
             continue
-        colour = _colour(material)
+        colour = _colour(material) if colours is None or np.isnan(colours[number]).any() else colours[number]
         is_solid = number in chosen
         used, corner = np.unique(unit.faces[of_part], return_inverse=True)
         shapes[f"part{number}"] = mitsuba.mesh(
@@ -138,6 +146,14 @@ def _colour(material: Any) -> Float64[Array, " 3"]:
     """Media and surfaces have one colour: a textured part has the mean of its texture."""
     found = np.asarray(material.albedo, np.float64)
     return found if material.texture is None else found * material.texture.mean(axis=(0, 1), dtype=np.float64)
+
+
+def _means(scene: Scene, points: Samples, albedo: Float[Array, "t 3"]) -> Float64[Array, "parts 3"]:
+    """Mean albedo of the points of each part; not a number where a part has none."""
+    part = scene.split_sides().part[points.face]
+    counts = np.bincount(part, minlength=len(scene.materials))
+    sums = [np.bincount(part, albedo[:, c].astype(np.float64), len(scene.materials)) for c in range(3)]
+    return np.where(counts[:, None] > 0, np.stack(sums, axis=1) / np.maximum(counts, 1)[:, None], np.nan)
 
 
 def _boundary() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int
+from jaxtyping import Float, Float64, Int
 
 from prtnet import PrtnetError
 from prtnet.data.builtin import hair
@@ -99,9 +99,7 @@ def texels(strands: Strands) -> tuple[Float64[Array, "t 3"], Float64[Array, "t 3
     return strands.at(strand, strands.parameter(strand, share))
 
 
-def blend(
-    strand: Int[Array, " n"], share: Float[Array, " n"]
-) -> tuple[Int[Array, "n 2"], Float64[Array, "n 2"]]:
+def blend(strand: Int[Array, " n"], share: Float[Array, " n"]) -> tuple[Int[Array, "n 2"], Float64[Array, "n 2"]]:
     """The two texels that a place on a strand lies between, and their weights; the outermost ones go on to the ends."""
     place = np.clip(np.asarray(share, np.float64) * TEXELS - 0.5, 0, TEXELS - 1)
     low = np.minimum(place.astype(int), TEXELS - 2)

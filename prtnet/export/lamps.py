@@ -31,13 +31,13 @@ KINDS = {"directional": 0, "point": 1, "spot": 2}
 # spots whose half angle has a smaller cosine are drawn like points
 WIDE = 0.5
 # factor and units of glPolygonOffset while casters are drawn
-SLOPE_BIAS, DEPTH_BIAS = 1.0, 2.0
+SLOPE_BIAS, DEPTH_BIAS = 1.25, 1.0
 # steps off the surface in texels: always, and times the sine of the angle to the light
-LIFT, LIFT_SLOPE = 0.25, 1.25
+LIFT, LIFT_SLOPE = 0.1, 0.4
 # maps are this much wider than what is looked up in them, so that filters and steps stay inside
 MARGIN = 1.02
 # shortest distance to the plane that cuts off what is too near a lamp, in unit coordinates
-NEAR = 0.01
+NEAR = 0.005
 
 # of faces 0 to 5; `_view` gives each its other axes
 _AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
@@ -85,7 +85,8 @@ vec3 prt_of_lamp(int lamp, vec3 position, vec3 normal, vec3 geometric) {
   }
   float facing = dot(geometric, towards);
   strength *= max(dot(normal, towards), 0.0);
-  if (facing <= 0.0 || strength <= 0.0) return vec3(0.0);
+  // written so that what is no number is dark as well
+  if (!(facing > 0.0 && strength > 0.0)) return vec3(0.0);
   return colour.rgb * strength * prt_lit(face, position, geometric, facing);
 }
 

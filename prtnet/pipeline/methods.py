@@ -9,7 +9,7 @@ import numpy as np
 from prtnet import clusters, netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
-from prtnet.pipeline import drawn_by
+from prtnet.pipeline import drawn_by, linear
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.export_clusters import ClustersExported
@@ -57,6 +57,9 @@ def makers(
         found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
     if (trained_on := baked.points) and (split := exported.clusters) and isinstance(drawing, Raster):
         found["clusters"] = lambda: _clusters(job, trained_on, split, drawing)
+    if isinstance(drawing, Raster):
+        for name, fitted in linear.fits(job, baked, trained).items():
+            found[name] = lambda fitted=fitted: Drawn(*linear.drawn(job, fitted, drawing))
     return found
 
 

@@ -98,7 +98,7 @@ def bake(job: Job) -> Baked:
     baked = None if job.implicit else bake_texture(job)
     points = _net_points(job, baked) if {"net", "clusters"} & set(job.config.methods) else None
     lit = _lit(job, baked) if baked and "lit_texture" in job.config.methods else None
-    mesh = _mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
+    mesh = bake_mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
     learned = operator(job) if "data_driven" in job.config.methods else None
     return Baked(baked, lit, mesh, points, learned)
 
@@ -229,7 +229,8 @@ def _lit(job: Job, baked: BakedTexture) -> BakedTexture:
     return BakedTexture(made.key, baked.atlas, _pages(job, baked.texels, values), baked.texels, facts, baked.radiosity)
 
 
-def _mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:
+def bake_mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:
+    """The vertices of a job, or what the store has of them."""
     options = job.config.vertex
     mesh = vertex.mesh(job.scene, options.subdivide, options.level)
     cut = sorted(set(options.subdivide)) if options.level else []

@@ -9,7 +9,7 @@ import numpy as np
 from prtnet import clusters, netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
-from prtnet.pipeline import drawn_by
+from prtnet.pipeline import drawn_by, linear
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.data_driven.learn import Operator
 from prtnet.pipeline.export import Exported
@@ -61,6 +61,9 @@ def makers(
         found["clusters"] = lambda: _clusters(job, trained_on, split, drawing)
     if (direct := baked.texture) and (learned := baked.operator) and isinstance(drawing, Raster):
         found["data_driven"] = lambda: _data_driven(job, direct, learned, drawing)
+    if isinstance(drawing, Raster):
+        for name, fitted in linear.fits(job, baked, trained).items():
+            found[name] = lambda fitted=fitted: Drawn(*linear.drawn(job, fitted, drawing))
     return found
 
 

@@ -22,7 +22,7 @@ Array = np.ndarray
 
 POINTS = 256  # by which a light is judged
 CANDIDATES = 2048
-CLEAR = 0.05  # unit lengths between a lamp and any surface
+CLEAR = 0.25  # unit lengths between a lamp and any surface
 HIDDEN = 0.01  # unit lengths: points that see no further are no part of what is judged
 ROOM = 0.6  # share of directions in which the middling free place of a room sees a surface
 WITHIN = 0.7  # of that share, which a place or a point in a room has at least

@@ -1,8 +1,8 @@
 """The reference: a path tracer with next-event estimation, which knows nothing of atlases, lightmaps or bases.
 
-    E(p) = E_0(p) + E_1(p) + ... + E_B(p),  E_b(p) = mean over paths p, x_1 .. x_b of albedo(x_1) .. albedo(x_b) E_0(x_b)
+    E(p) = E_0(p) + E_1(p) + ... + E_B(p),  E_b(p) = mean over paths p, x_1 .. x_b of a(x_1) .. a(x_b) E_0(x_b)
 
-Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the factors pi
+a: albedo. Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the factors pi
 cancel. E_0, what is lit directly: lamps by shadow rays; light from far away by the next ray of the path, where that
 leaves the scene. No path ends by chance, and none goes on after B bounces. Every lighting uses the same paths.
 """
@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int
+from jaxtyping import Float, Float32, Float64, Int
 
 from prtnet import PrtnetError, sh
 from prtnet.data.albedo import albedo as albedo_at
@@ -205,7 +205,7 @@ class World:
         carried: Float32[Array, "m 3"],
         aim: Float32[Array, "m 3"],
     ) -> None:
-        """Adds the light from far away along rays that leave the scene: pi times its radiance, by the cosine density."""
+        """Adds light from far away along rays that leave the scene: pi times its radiance, by the cosine density."""
         harmonics = sh.evaluate(aim.astype(np.float64), self.bands)
         for row, lighting in zip(total, self.lightings, strict=True):
             if lighting.environment is not None:

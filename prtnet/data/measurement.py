@@ -5,10 +5,11 @@ the mean over surface points near each other, on the same side, so that shadow e
 change it little by little.
 """
 
+from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from prtnet import PrtnetError
 from prtnet.data.albedo import albedo
@@ -25,25 +26,35 @@ Array = np.ndarray
 CANDIDATES = 8  # that each point is chosen from
 SPARE = 2  # times as many neighbours are looked at as are taken
 BLOCK = 2048  # places whose distances to all points are held at a time
+UNREACHED = 4  # times as many candidates where light may reach some of the surface only
 COINCIDENT = 1e-6  # of positions and normals, below which two measurements are one
 LARGEST = 4096  # points; each is a row of the matrix that is multiplied by at run time
 
 
-def on_surface(scene: Scene, count: int, supersampling: int, rng: np.random.Generator) -> Measurement:
+def on_surface(
+    scene: Scene,
+    count: int,
+    supersampling: int,
+    rng: np.random.Generator,
+    *,
+    reached: Callable[[Samples], Bool[Array, " n"]] | None = None,
+) -> Measurement:
     """`count` points on the surfaces of a scene in unit coordinates, each the mean of `supersampling` neighbours.
 
     Prefixes are well spread as well. Both sides of two-sided faces count; what lies on other surfaces does not, nor do
-    the outer walls of a room. The transfer is left empty. Raises PrtnetError for a count or supersampling below 1 or
-    too large, and where there are too few surfaces that are not hidden.
+    the outer walls of a room, nor what is not `reached` by any of the lights that are measured. The transfer is left
+    empty. Raises PrtnetError for a count or supersampling below 1 or too large, and where too little surface is left.
     """
     _check_counts(count, supersampling)
-    wanted = count * max(SPARE * supersampling, CANDIDATES)
+    wanted = count * max(SPARE * supersampling, CANDIDATES) * (1 if reached is None else UNREACHED)
     found = area_uniform(scene, wanted, rng)
     worth, _ = Places(scene, Tracer(scene)).worth(found)
+    if reached is not None:
+        worth &= reached(found)
     if worth.sum() < count:
         raise PrtnetError(
-            f"{scene.name}: found room for {worth.sum()} of {count} measurement points: the other surfaces are hidden"
-            " by what lies on them, expected surfaces that light can reach"
+            f"{scene.name}: found room for {worth.sum()} of {count} measurement points: its other surfaces are hidden"
+            " or out of the light, expected surfaces that light can reach; lower data_driven.points"
         )
     area = float(scene.split_sides().face_areas.sum()) * float(worth.mean())
     return _chosen(scene, select(found, worth), area, count, supersampling)

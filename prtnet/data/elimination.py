@@ -25,6 +25,7 @@ REACH = 1.5
 BETA = 0.3
 GAMMA = 1.5
 ALPHA = 8  # of the weight
+ROUNDS = 30  # of a fixed point
 
 
 def eliminate(
@@ -50,9 +51,12 @@ def eliminate(
 def largest_radius(count: int, area: float, extent: Float[Array, " 3"]) -> float:
     """The largest radius of `count` Poisson disks on an area (Yuksel 2015, eq. 2), or that of spheres (eq. 3) in the
     box `extent` where it comes first: there surfaces fill the box, as hair does."""
-    disks = sqrt(area / (2 * sqrt(3) * count))
-    # spheres reach out of the box that their centres lie in
-    return min(disks, (float(np.prod(extent + 2 * disks)) / (4 * sqrt(2) * count)) ** (1 / 3))
+    radius = disks = sqrt(area / (2 * sqrt(3) * count))
+    for _ in range(ROUNDS):
+        # spheres reach out of the box that their centres lie in
+        spheres = (float(np.prod(extent + 2 * radius)) / (4 * sqrt(2) * count)) ** (1 / 3)
+        radius = min(disks, spheres)
+    return radius
 
 
 def _level(

@@ -25,8 +25,8 @@ class ShadowMaps:
         # room: lamps that a shader knows at once
         context, unit_scene = gl.context(), scene.centred()
         limit = context.info["GL_MAX_TEXTURE_SIZE"]
-        if not 16 <= size <= limit:
-            raise PrtnetError(f"shadow maps: found a size of {size} texels, expected 16 to {limit}")
+        if not lamps.LEAST_SIZE <= size <= limit:
+            raise PrtnetError(f"shadow maps: found a size of {size} texels, expected {lamps.LEAST_SIZE} to {limit}")
         self.size, self.room = size, room
         faces = unit_scene.faces
         if unit_scene.face_origin is not None:

@@ -19,11 +19,21 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     # each stage imports what it needs, so that `stages=[bake]` never waits for torch
     from prtnet.pipeline import engine
     from prtnet.pipeline.bake import bake
+    from prtnet.pipeline.data_driven import options
     from prtnet.pipeline.job import open_job
 
     engine.check(config.cluster)
     job = open_job(config, command, sweep_point)
     config = job.config  # with the methods of the scene where none were named
+    if options.alone(config):
+        from prtnet.pipeline.data_driven.run import run_alone
+
+        run_alone(job)
+        if sweep_point:
+            from prtnet.pipeline.sweep import summarise
+
+            summarise(job.out.parents[len(Path(sweep_point).parts) - 1], sweep_command)
+        return
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     network = clusters = None

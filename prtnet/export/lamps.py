@@ -96,7 +96,14 @@ vec3 prt_of_lamp(int lamp, vec3 position, vec3 normal, vec3 geometric) {
 
 vec3 prt_direct(vec3 position, vec3 normal, vec3 geometric) {
   vec3 sum = vec3(0.0);
-  for (int lamp = 0; lamp < lamp_count; ++lamp) sum += prt_of_lamp(lamp, position, normal, geometric);
+  int lamp = 0;
+  // a test at the end: processors that run several pixels at once run the whole body before they heed one on top
+  if (lamp_count > 0) {
+    do {
+      sum += prt_of_lamp(lamp, position, normal, geometric);
+      ++lamp;
+    } while (lamp < lamp_count);
+  }
   return sum;
 }
 """

@@ -79,7 +79,10 @@ class ShadowMaps:
     def bind(self, program: moderngl.Program, unit: int = UNIT) -> None:
         """Have a program with `export.lamps.functions` see the lamps and maps that were drawn last."""
         self._map.use(unit)
-        gl.put(program, **self.uniforms)
+        # compilers leave out the end of an array that nothing reads
+        held = {name: getattr(program.get(name, None), "array_length", 0) for name in self.uniforms}
+        arrays = {name: v[: held[name]] for name, v in self.uniforms.items() if isinstance(v, np.ndarray)}
+        gl.put(program, **(self.uniforms | arrays))
         found = program.get("shadow_map", None)
         if isinstance(found, moderngl.Uniform):
             # moderngl sets no uniforms of this kind of sampler

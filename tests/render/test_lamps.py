@@ -194,6 +194,8 @@ def test_lamps_add_up_and_none_is_dark(covered):
     each = [method.draw(ABOVE, lit(name)) for name in ("point", "spot", "directional")]
     np.testing.assert_allclose(method.draw(ABOVE, lit("point", "spot", "directional")), sum(each), atol=1e-5)
     assert not method.draw(ABOVE, Lighting()).any()
+    alone = LampMethod(covered, shadows=ShadowMaps(covered.scene, 64, room=1))
+    np.testing.assert_allclose(alone.draw(ABOVE, lit("spot")), each[1], atol=1e-6)
 
 
 def test_maps_follow_lamps_and_are_kept_for_lamps_that_stay(covered, monkeypatch):

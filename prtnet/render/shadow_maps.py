@@ -41,6 +41,7 @@ class ShadowMaps:
         self._framebuffer = context.framebuffer(depth_attachment=context.depth_renderbuffer((size, size)))
         self._map, self._layers = _layers(size, lamps.FACES), lamps.FACES
         self._drawn: tuple[Any, ...] | None = None
+        self._lighting: Lighting | None = None
         self.uniforms: dict[str, Any] = lamps.uniforms(Lighting(), [], room)
 
     def draw(self, lighting: Lighting, *, again: bool = False) -> None:
@@ -48,10 +49,12 @@ class ShadowMaps:
 
         Raises PrtnetError for more lamps than there is room for.
         """
+        if lighting is self._lighting and not again:
+            return
         lamps.check(lighting, self.room)
         matrices = [lamps.shadow_matrices(lamp, self.box) for lamp in lighting.lamps]
         self.uniforms = lamps.uniforms(lighting, matrices, self.room)
-        placed = tuple(_place(lamp) for lamp in lighting.lamps)
+        self._lighting, placed = lighting, tuple(_place(lamp) for lamp in lighting.lamps)
         if placed == self._drawn and not again:
             return
         needed = lamps.FACES * len(matrices)

@@ -215,6 +215,11 @@ def test_maps_follow_lamps_and_are_kept_for_lamps_that_stay(covered, monkeypatch
     assert np.abs(second - first).max() > 0.1
     fresh = LampMethod(covered, shadows=ShadowMaps(covered.scene, 64)).draw(ABOVE, Lighting((moved,)))
     np.testing.assert_array_equal(second, fresh)
+    # another method with the same maps and another light in between
+    other = LampMethod(covered, shadows=shadows)
+    other.set_lighting(lit("point"))
+    method.render(ABOVE)
+    np.testing.assert_array_equal(covered.target.read()[..., :3], second)
     assert method.milliseconds(ABOVE, lit("directional"), 1, moving=True) > 0
     assert layers[-2:] == [0, 0]
 

@@ -139,4 +139,5 @@ def test_bad_counts_are_refused():
         with pytest.raises(PrtnetError, match="path tracer: found"):
             traced(scene, points, [WHITE], **options)
     none = traced(scene, points, [WHITE], samples=8, bounces=0)
-    assert not none.indirect.any() and not none.direct.any()
+    assert not none.indirect.any()
+    assert not none.direct.any()

@@ -90,7 +90,8 @@ def test_measurement_points_on_the_part_go_along():
     np.testing.assert_allclose(after.positions, expected.positions, atol=1e-6)
     np.testing.assert_allclose(after.normals, expected.normals, atol=1e-6)
     np.testing.assert_allclose(after.geometric_normals, expected.geometric_normals, atol=1e-6)
-    assert np.any(after.positions != before.positions) and after.transfer.shape == (500, 0, 3)
+    assert np.any(after.positions != before.positions)
+    assert after.transfer.shape == (500, 0, 3)
     raised = measured(samples.Samples(points.positions + 0.01, *[points.normals] * 2, points.face), 4)
     np.testing.assert_array_equal(poses.posed_measurement(scene, raised, POSE).positions, raised.positions)
 
@@ -100,7 +101,7 @@ def test_words_of_a_pose():
     assert poses.parse({"part": "tall_box"}) == Pose("tall_box")
     bad = [{"move": [0, 0, 0]}, {"part": "a", "move": [1, 2]}, {"part": "a", "turn": "x"}, {"part": "a", "spin": 3}]
     for words in [*bad, {"part": "a", "turn": float("nan")}]:
-        with pytest.raises(PrtnetError, match="keyframe: found .* expected"):
+        with pytest.raises(PrtnetError, match=r"keyframe: found .* expected"):
             poses.parse(words)
     scene = builtin.make("cornell", tessellation=0.25)
     with pytest.raises(PrtnetError, match="no part 'teapot' in cornell, expected one of floor, ceiling"):

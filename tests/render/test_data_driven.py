@@ -59,6 +59,7 @@ def made_spec(*, coefficients=0, **more) -> DataDriven:
 
 def bounced(spec: DataDriven, found: GBuffer, direct: np.ndarray, keyframe: int = 0) -> np.ndarray:
     """The operator's light at the covered pixels, by bilinear look-ups in NumPy."""
+    assert found.uv is not None
     u = data_driven.coefficients(spec, direct, keyframe)
     basis = np.broadcast_to(spec.basis, (3, *spec.basis.shape[1:]))
     looked = np.stack([bilinear(data_driven.image(spec, bank.T), found.uv) for bank in basis], axis=2)
@@ -143,7 +144,11 @@ def test_environment(board):
     expected = found.albedo / np.pi * bounced(spec, found, distant(spec.measurements[0], LIGHT))
     assert expected.max() > 0.05
     assert np.abs((drawn - alone)[found.pixel] - expected).max() < 0.01 * expected.max()
-    assert by_texture.bytes == 32 * 32 * 4 * (12 + 8) + 8 * 3 * 16
+    # of interreflected transfer it keeps the direct group
+    four = page_of(np.concatenate([smooth(9), np.ones((32, 32, 27), np.float32)], axis=2))
+    kept = DataDrivenTexture(board, [four], spec, texels="float32", basis_texels="float32", groups=4)
+    np.testing.assert_array_equal(kept.draw(CAMERA, LIGHT), by_texture.draw(CAMERA, LIGHT))
+    assert by_texture.bytes == kept.bytes == 32 * 32 * 4 * (12 + 8) + 8 * 3 * 16
 
 
 @pytest.mark.parametrize("product", ["fixed_light", "full"])

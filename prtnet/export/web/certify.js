@@ -1,5 +1,7 @@
 // The net of this page run on this device at given points, and held against what NumPy got for them.
 
+import { device } from "./device.js";
+
 // Coefficients of `n` points, one after the other, padded to whole vectors: positions, normals and, for nets that take
 // them, coordinates in the atlas are Float32Arrays.
 export function evaluate(renderer, positions, normals, uv) {
@@ -55,9 +57,4 @@ export function certify(renderer) {
       sum += error;
     }
   return { points: count, error_max: most, error_mean: sum / (count * coefficients), device: device(renderer.gl) };
-}
-
-export function device(gl) {
-  const words = gl.getExtension("WEBGL_debug_renderer_info");
-  return String(gl.getParameter(words ? words.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
 }

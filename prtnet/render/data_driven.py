@@ -5,7 +5,6 @@ M x. Each pixel then blends the basis textures. Nothing of that leaves the graph
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64
@@ -134,8 +133,7 @@ def distant(measurement: Measurement, light: Float[Array, "k 3"]) -> Float64[Arr
 class DataDrivenTexture(Shaded):
     """Light from far away alone: direct transfer from textures over the atlas, what bounces from the operator.
 
-    `pages`: of their groups of channels the first is the direct transfer, and no other is kept. Gloss takes that alone,
-    as with other methods.
+    `pages`: direct transfer, which is also what gloss takes.
     """
 
     raster: Raster
@@ -149,7 +147,6 @@ class DataDrivenTexture(Shaded):
         texels: str = "float16",
         level_of_detail: str = "derivative",
         material: Material = DIFFUSE,
-        groups: int = 1,
         basis_texels: str = "float16",
     ):
         check(raster)
@@ -157,9 +154,8 @@ class DataDrivenTexture(Shaded):
             raise PrtnetError(
                 f"data-driven: found a basis of {spec.quantity}, expected one of irradiance beside a transfer texture"
             )
-        channels = pages[0].levels[0].shape[2] // groups
-        direct = [replace(page, levels=tuple(level[..., :channels] for level in page.levels)) for page in pages]
-        self.map = TransferMap(raster.atlas, direct, texels, level_of_detail)
+        channels = pages[0].levels[0].shape[2]
+        self.map = TransferMap(raster.atlas, pages, texels, level_of_detail)
         self.operator = Indirect(spec, texels=basis_texels)
         self.bytes = self.map.bytes + self.operator.bytes
         source = self.map.declarations + self.operator.text

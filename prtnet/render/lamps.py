@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class LampMethod:
         *,
         shadows: ShadowMaps | None = None,
         pages: Sequence[Page] | None = None,
+        groups: int = 1,
         texels: str = "float32",
         source: str = "",
         received: str = "",
@@ -45,11 +47,12 @@ class LampMethod:
         textures: Mapping[str, Any] | None = None,
         direct: bool = True,
     ):
-        # pages: transfer of the raster's atlas, k channels
+        # pages: transfer of the raster's atlas, k channels in each of its groups, the first of which is direct
         self.raster, self.textures = raster, dict(textures or {})
         self.shadows = shadows or ShadowMaps(raster.scene)
-        self.map = None if pages is None else TransferMap(raster.atlas, pages, texels, "derivative")
-        self.coefficients = 0 if pages is None else pages[0].levels[0].shape[2]
+        self.coefficients = 0 if pages is None else pages[0].levels[0].shape[2] // groups
+        chosen = [] if pages is None else [_first(page, self.coefficients) for page in pages]
+        self.map = TransferMap(raster.atlas, chosen, texels, "derivative") if chosen else None
         vectors = [f"t{layer}" for layer in range(gl.layer_count(self.coefficients))]
         terms = ["prt_direct(position, shading_normal(), geometric_normal())"] * direct
         terms += [irradiance_text([vectors])] * bool(vectors and direct) + [received] * bool(received)
@@ -119,3 +122,7 @@ class LampMethod:
 
         self.bind()
         self.raster.render(self.program, self.draws, camera, prepass=prepass, before=before)
+
+
+def _first(page: Page, channels: int) -> Page:
+    return replace(page, levels=tuple(level[..., :channels] for level in page.levels))

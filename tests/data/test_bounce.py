@@ -82,7 +82,7 @@ def test_free_directions_and_unseen_backs_send_nothing():
 
 
 def test_backs_answer_where_they_are_hit():
-    """A large sheet: its back's texels lie right behind the points that are hit, not mirrored within their triangles."""
+    """A large sheet: its back's texels lie behind the points that are hit, not mirrored within their triangles."""
     corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1.0]])
     sheet = Part("sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), two_sided=True)
     scene = assemble("sheet", [sheet]).centred()

@@ -1,24 +1,29 @@
 """How the error of data-driven transfer depends on what it is learned from: all that one database can tell, in memory.
 
-Errors are relative. Each configuration is divided by the norm of its direct vector, as in learning, so that no bright
-light outweighs the others; an error is the root of the sum of its squares over that of the lightmaps' own squares.
+Errors are relative. Each colour of a configuration is divided by the norm of its direct vector, as in learning, so that
+no bright light outweighs the others; an error is the root of the sum of its squares over that of the lightmaps' own.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Float, Float64
 
-from prtnet import PrtnetError
+from prtnet import PrtnetError, store
 from prtnet.data.lighting.lamp import Lighting
-from prtnet.data_driven import from_space, to_space
 from prtnet.models.data_driven import DARK, Learned, Pairs, basis_of, learn, ridge_of
+from prtnet.pipeline.data_driven import errors as measured
+from prtnet.pipeline.data_driven.database import Database
+from prtnet.pipeline.data_driven.learn import Operator
+from prtnet.pipeline.job import Job
 
 Array = np.ndarray
 Line = dict[str, Any]
 
+VERSION = 1  # raised when lines change for the same database
 ELEMENTS = (1, 2, 4, 8, 16, 32, 64)
 POINTS = (16, 32, 64, 128, 256, 512, 1024)
 RIDGES = (0.0, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1.0)
@@ -28,12 +33,39 @@ SPACES = (("shared", 1.0), ("separate", 1.0), ("shared", 2.2), ("separate", 2.2)
 TINTS = ((1.0, 0.15, 0.05), (0.05, 0.3, 1.0), (0.2, 1.0, 0.1))
 
 
+def write(job: Job, made: Operator) -> None:
+    """Write curves.json into the run's folder, with the operator's own settings where they do not vary."""
+    options = job.config.data_driven
+    settings = {"elements": options.elements, "ridge": options.ridge}
+    inputs = settings | {
+        "scenario": list(options.scenario),
+        "version": VERSION,
+        "training": made.training.key,
+        "unseen": made.unseen.key,
+    }
+    training, unseen = (Pairs(each.lightmaps, each.direct, _frames(each)) for each in (made.training, made.unseen))
+
+    def make() -> tuple[dict[str, Array], dict[str, Any]]:
+        lightings, rng = made.unseen.lightings, job.rng("curves")
+        words = {"lightings": lightings, "scenario": options.scenario, "rng": rng} | settings
+        return {}, measure(training, unseen, noise=made.training.noise, **words)
+
+    found = job.store.make("curves", inputs, make).facts
+    store.write_text(job.out / "curves.json", json.dumps(found, indent=1) + "\n")
+
+
+def _frames(database: Database) -> Array | None:
+    """The keyframes of configurations, where there are several."""
+    return database.keyframe if database.keyframe.any() else None
+
+
 def measure(
     training: Pairs,
     unseen: Pairs,
     *,
-    noise: Float32[Array, " t"],
+    noise: Float[Array, " t"],
     lightings: Sequence[Lighting] = (),
+    scenario: Sequence[str] = (),
     elements: int = 16,
     ridge: float = 0.01,
     rng: np.random.Generator,
@@ -42,9 +74,14 @@ def measure(
     of the plain projection of these others on the basis (projection); what does not vary is `elements`, `ridge`,
     shared channels and a linear space. `noise`: standard error of a texel; `lightings`: those of `unseen`.
 
-    A setting for which the database is too small has no line.
+    Unseen lights are those of the kinds in `scenario`, where there are some, but for the lines of `lights`, which has
+    all by kind. A setting for which the database is too small has no line.
     """
-    few, tested = compressed(training, unseen)
+    few, every = compressed(training, unseen)
+    kinds = np.array([kind_of(each) for each in lightings])
+    alike = np.flatnonzero(np.isin(kinds, list(scenario)))
+    alike = alike if len(alike) else np.arange(len(unseen.direct))
+    tested, asked = chosen(every, alike), chosen(unseen, alike)
     plain = {"elements": elements, "ridge": ridge}
     sizes = _halves(_each(few))
     found = {
@@ -52,9 +89,9 @@ def measure(
         "points": by_points(few, tested, **plain),
         "ridge": [_line({"ridge": each}, few, tested, elements=elements, ridge=each) for each in RIDGES],
         "configurations": [_line({"configurations": c}, first(few, c), tested, **plain) for c in sizes],
-        "noise": by_noise(training, unseen, noise, rng=rng, **plain),
-        "spaces": by_space(training, unseen, **plain),
-        "lights": by_light(few, tested, lightings, **plain),
+        "noise": by_noise(training, asked, noise, rng=rng, **plain),
+        "spaces": by_space(training, asked, **plain),
+        "lights": by_light(few, every, kinds, **plain),
     }
     if few.keyframe is not None:
         words = ("each", "one")
@@ -68,34 +105,21 @@ def errors(
     *,
     gamma: float = 1.0,
     elements: int | None = None,
-    sizes: Float64[Array, " c"] | None = None,
+    sizes: Float64[Array, "c 3"] | None = None,
 ) -> tuple[float, float]:
     """(of the operator, of the projection on its basis) with the first `elements` of it; `sizes`: what configurations
-    are divided by, where it is not the norm of these direct vectors. What has no size has no error."""
-    size = norms(pairs) if sizes is None else sizes
-    lit = np.flatnonzero(size > DARK * max(size.max(initial=0.0), 1e-30))
-    weight, keyframe = 1 / size[lit] ** 2, np.zeros(len(lit), int)
-    if pairs.keyframe is not None and len(learned.matrices) > 1:
-        keyframe = pairs.keyframe[lit]
-    squares = np.zeros(3)
-    for colour in range(3):
-        bank = colour % len(learned.basis)
-        basis, matrices = learned.basis[bank, :elements], learned.matrices[:, bank, :elements]
-        wanted = pairs.lightmaps[lit, :, colour].astype(np.float64)
-        light = to_space(pairs.direct[lit, :, colour].astype(np.float64), gamma)
-        operated = np.empty((len(lit), len(basis)))
-        for each in np.unique(keyframe):
-            operated[keyframe == each] = light[keyframe == each] @ matrices[each].T
-        projected = to_space(wanted, gamma) @ basis.T
-        made = [from_space(each @ basis, gamma) - wanted for each in (operated, projected)]
-        squares += [float(weight @ np.einsum("ct,ct->c", each, each)) for each in (*made, wanted)]
-    operator, projection = np.sqrt(squares[:2] / max(squares[2], 1e-300))
-    return float(operator), float(projection)
-
-
-def norms(pairs: Pairs) -> Float64[Array, " c"]:
-    """Of direct vectors, all colours together."""
-    return np.linalg.norm(pairs.direct.astype(np.float64), axis=(1, 2))
+    are divided by, where it is not the norm of these direct vectors."""
+    first = slice(elements)
+    found = measured.errors(
+        learned.basis[:, first],
+        learned.matrices[:, :, first],
+        pairs.lightmaps,
+        pairs.direct,
+        gamma=gamma,
+        keyframe=pairs.keyframe if len(learned.matrices) > 1 else None,
+        sizes=sizes,
+    )
+    return found.rmse / max(found.level, 1e-30), found.projection / max(found.level, 1e-30)
 
 
 def compressed(training: Pairs, unseen: Pairs) -> tuple[Pairs, Pairs]:
@@ -130,8 +154,8 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
     for count in _up_to(POINTS, training.direct.shape[1]):
         learned = _learned(_first_points(training, count), **settings)
         if learned:
-            own = errors(learned, _first_points(training, count), sizes=norms(training))[0]
-            other, projection = errors(learned, _first_points(unseen, count), sizes=norms(unseen))
+            own = errors(learned, _first_points(training, count), sizes=measured.norms(training.direct))[0]
+            other, projection = errors(learned, _first_points(unseen, count), sizes=measured.norms(unseen.direct))
             lines.append({"points": count, "training": own, "unseen": other, "projection": projection})
     return lines
 
@@ -139,15 +163,16 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
 def by_noise(
     training: Pairs, unseen: Pairs, noise: Float[Array, " t"], *, rng: np.random.Generator, **settings: Any
 ) -> list[Line]:
-    """Of lightmaps as noisy as those of fewer rays are. `noise`, a line's own: that of its lightmaps, relative."""
-    mean = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64)))
-    own = float(np.sqrt(np.mean(np.square(noise, dtype=np.float64))) / max(mean, 1e-30))
+    """Of lightmaps as noisy as those of fewer rays are, each by its brightness; asked is how near the lightmaps of all
+    rays are. `noise`, a line's own: the noise of its lightmaps, over their RMS."""
+    levels = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64), axis=(1, 2)))
+    level = max(float(np.sqrt(np.mean(levels**2))), 1e-30)
+    own = float(np.sqrt(np.mean(np.square(noise, dtype=np.float64)))) / level
+    spread = np.outer(levels / level, noise)[..., None].astype(np.float32)
     lines = []
     for share in SHARES:
-        more = rng.standard_normal(training.lightmaps.shape, np.float32) * (noise * np.sqrt(share - 1))[None, :, None]
-        noisy = replace(training, lightmaps=(training.lightmaps + more).astype(np.float32))
-        learned = _learned(noisy, **settings)
-        # what is asked is how near the lightmaps of all rays are
+        more = rng.standard_normal(training.lightmaps.shape, np.float32) * spread * np.float32(np.sqrt(share - 1))
+        learned = _learned(replace(training, lightmaps=training.lightmaps + more), **settings)
         if learned:
             line = {"rays": 1 / share, "noise": float(own * np.sqrt(share))}
             lines.append(line | _errors(learned, training, unseen))
@@ -178,12 +203,18 @@ def _joint(training: Pairs, unseen: Pairs, coloured: Pairs, elements: int, ridge
     matrix = ridge_of(c, (light[lit] * weight[lit, None]).T, ridge)
     found: Line = {"channels": "joint", "gamma": 1.0}
     for name, pairs in {"training": training, "unseen": unseen, "coloured": coloured}.items():
-        light, wanted, weight = _in_one(pairs)
-        made = {name: (light @ matrix.T) @ basis}
-        made |= {"projection": (wanted @ basis.T) @ basis} if name == "unseen" else {}
-        whole = np.linalg.norm(wanted * weight[:, None])
-        found |= {key: float(np.linalg.norm((each - wanted) * weight[:, None]) / whole) for key, each in made.items()}
+        light, wanted, _ = _in_one(pairs)
+        found[name] = _relative((light @ matrix.T) @ basis, wanted, pairs)
+        found |= {"projection": _relative((wanted @ basis.T) @ basis, wanted, pairs)} if name == "unseen" else {}
     return found
+
+
+def _relative(made: Float64[Array, "c _"], wanted: Float64[Array, "c _"], pairs: Pairs) -> float:
+    """The error of lightmaps that have the values of all colours in a row."""
+    sizes = measured.norms(pairs.direct)[:, None]
+    weight = np.divide(1, sizes, out=np.zeros_like(sizes), where=sizes > 0)
+    scaled = [(each.reshape(len(each), -1, 3) * weight) for each in (made - wanted, wanted)]
+    return float(np.linalg.norm(scaled[0]) / max(np.linalg.norm(scaled[1]), 1e-30))
 
 
 def _in_one(pairs: Pairs) -> tuple[Float64[Array, "c _"], Float64[Array, "c _"], Float64[Array, " c"]]:
@@ -202,11 +233,10 @@ def tinted(pairs: Pairs) -> Pairs:
     return replace(pairs, lightmaps=pairs.lightmaps * tints, direct=pairs.direct * tints)
 
 
-def by_light(training: Pairs, unseen: Pairs, lightings: Sequence[Lighting], **settings: Any) -> list[Line]:
-    """Of each kind of the unseen lights."""
-    learned = _learned(training, **settings)
-    kinds = np.array([kind_of(each) for each in lightings])
-    if learned is None or len(kinds) != len(unseen.direct):
+def by_light(training: Pairs, unseen: Pairs, kinds: Array, **settings: Any) -> list[Line]:
+    """Of each kind of the unseen lights, where kinds are known."""
+    learned = _learned(training, **settings) if len(kinds) else None
+    if learned is None:
         return []
     return [{"kind": str(kind)} | _errors(learned, None, chosen(unseen, kinds == kind)) for kind in np.unique(kinds)]
 

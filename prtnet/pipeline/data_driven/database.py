@@ -7,23 +7,22 @@ rendered with rays of their own: what noise they have in common would flatter an
 
 import logging
 import time
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int
+from jaxtyping import Float32, Float64, Int
 
 from prtnet import console, store
 from prtnet.data.lighting import direct as lit
-from prtnet.data.lighting import lamp, scenario
+from prtnet.data.lighting import lamp
 from prtnet.data.lighting.lamp import Lighting
 from prtnet.data.lightmap import bounces
 from prtnet.data.lightmap.rendered import Rendered
 from prtnet.data_driven import Measurement
 from prtnet.pipeline.data_driven import options as words
 from prtnet.pipeline.data_driven.ground import Ground, Keyframe
-from prtnet.pipeline.transport import traced
+from prtnet.pipeline.data_driven.lights import lights_of, rng_of
 from prtnet.render.measure import Measure
 from prtnet.render.shadow_maps import ShadowMaps
 from prtnet.store import Arrays
@@ -32,7 +31,6 @@ log = logging.getLogger(__name__)
 Array = np.ndarray
 
 GROUP = 32  # configurations of a shard
-TRAINING, UNSEEN = "training", "unseen"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +61,10 @@ def database(ground: Ground, purpose: str) -> Database:
     )
 
 
-def lights_of(ground: Ground, keyframe: Keyframe, purpose: str) -> list[Lighting]:
-    """The lights of a database, the same whenever they are drawn; a longer list begins with the shorter one."""
-    options = ground.job.config.data_driven
-    count = options.unseen if purpose == UNSEEN else options.configurations
-    rng = np.random.default_rng([options.seed, zlib.crc32(purpose.encode()), keyframe.number])
-    return scenario.draw(
-        words.kinds(options, purpose),
-        count,
-        keyframe.scene,
-        keyframe.tracer,
-        rng,
-        colours=options.colours,
-        bands=ground.job.config.transfer.bands,
-    )
-
-
 def _of_keyframe(ground: Ground, keyframe: Keyframe, purpose: str) -> Database:
     job, options = ground.job, ground.job.config.data_driven
-    lightings = lights_of(ground, keyframe, purpose)
-    names = ("renderer", "directions", "bounces", "density", "seed")
+    lightings = lights_of(job, keyframe.scene, keyframe.tracer, purpose, keyframe.number)
+    names = ("renderer", "directions", "bounces", "density")
     inputs = ground.inputs | {name: getattr(options, name) for name in names}
     inputs |= {
         "purpose": purpose,
@@ -122,7 +104,6 @@ def _of_keyframe(ground: Ground, keyframe: Keyframe, purpose: str) -> Database:
 def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Sequence[Lighting], int], Rendered]:
     """What makes lightmaps of some lights, the shard's number given."""
     options = ground.job.config.data_driven
-    seeds = [options.seed, zlib.crc32(purpose.encode()), keyframe.number]
     if options.renderer == words.SUBSURFACE:
         from prtnet.data.lightmap import subsurface
 
@@ -133,9 +114,8 @@ def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Seq
             albedo=ground.albedo,
             samples=options.directions,
             density=options.density,
-            seed=int(np.random.SeedSequence([*seeds, number]).generate_state(1)[0]),
+            seed=int(rng_of(ground.job, purpose, keyframe.number, number).integers(1 << 31)),
         )
-    distant = _distant(ground, keyframe)
 
     def render(lightings: Sequence[Lighting], number: int) -> Rendered:
         points = keyframe.points
@@ -145,7 +125,7 @@ def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Seq
             points.positions,
             points.normals,
             points.geometric_normals,
-            transfer=distant,
+            transfer=keyframe.transfer,
         )
         return bounces.indirect(
             keyframe.tracer,
@@ -155,23 +135,11 @@ def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Seq
             received,
             bounces=options.bounces,
             directions=options.directions,
-            rng=np.random.default_rng([*seeds, number]),
+            rng=rng_of(ground.job, purpose, keyframe.number, number),
             threads=ground.job.config.threads,
         )
 
     return render
-
-
-def _distant(ground: Ground, keyframe: Keyframe) -> Float[Array, "t k"] | None:
-    """The transfer of the texels, where there is light from far away."""
-    job = ground.job
-    if not words.environments(job.config.data_driven):
-        return None
-    inputs = ground.inputs | ({"pose": [asdict(pose) for pose in keyframe.pose]} if keyframe.pose else {})
-    made = traced(
-        job, "texture", inputs, keyframe.points, job.config.transfer.directions, announce=0, tracer=keyframe.tracer
-    )
-    return made.arrays["transfer"]
 
 
 def _measured(ground: Ground, keyframe: Keyframe, lightings: Sequence[Lighting]) -> store.Artifact:

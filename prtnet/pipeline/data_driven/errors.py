@@ -8,7 +8,7 @@ coefficients can be below.
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float64, Int
 
 from prtnet.data_driven import from_space, to_space
 from prtnet.models.data_driven import projected
@@ -38,10 +38,12 @@ def errors(
     *,
     gamma: float = 1.0,
     keyframe: Int[Array, " c"] | None = None,
+    sizes: Float[Array, "c 3"] | None = None,
 ) -> Errors:
-    """Of the colours of configurations that light some measurement point, measured in linear light."""
+    """Of the colours of configurations that light some measurement point, measured in linear light; `sizes`: what they
+    are divided by, where it is not the norm of these direct vectors."""
     frames = np.zeros(len(direct), int) if keyframe is None else keyframe
-    length = np.linalg.norm(direct.astype(np.float64), axis=1)
+    length = norms(direct) if sizes is None else sizes
     whole = np.broadcast_to(basis, (3, *basis.shape[1:])).astype(np.float64)
     means = np.zeros((3, len(direct), 3))
     for start in range(0, len(direct), GROUP):
@@ -50,7 +52,7 @@ def errors(
         light = to_space(direct[few], gamma)
         u = np.einsum("chnm,cmh->cnh", matrix, light, dtype=np.float64)
         truth = lightmaps[few].astype(np.float64)
-        found = from_space(np.einsum("hnt,cnh->cth", whole, u), gamma)
+        found = from_space(np.einsum("hnt,cnh->cth", whole, u, optimize=True), gamma)
         nearest = from_space(projected(basis, lightmaps[few], gamma), gamma)
         for row, difference in enumerate((found - truth, nearest - truth, truth)):
             means[row, few] = np.mean(difference**2, axis=1)
@@ -58,3 +60,8 @@ def errors(
     relative = means[:, lit] / length[lit] ** 2
     rmse, projection, level = np.sqrt(relative.mean(axis=1))
     return Errors(float(rmse), float(projection), float(level), float(np.sqrt(relative[0].max())))
+
+
+def norms(direct: Float[Array, "c m 3"]) -> Float64[Array, "c 3"]:
+    """Of direct vectors, colour by colour."""
+    return np.linalg.norm(direct.astype(np.float64), axis=1)

@@ -1,7 +1,7 @@
 """Where lightmaps are and where light is measured, in each pose of an animated scene."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,16 @@ from prtnet.data.lightmap.poses import Pose
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.data.surface import Surface
-from prtnet.data.texture import Texels
+from prtnet.data.texture import Page, Texels
 from prtnet.data.tracer import Tracer
 from prtnet.data_driven import Measurement
 from prtnet.pipeline.atlas import atlas_of, inputs_of
-from prtnet.pipeline.data_driven import options
+from prtnet.pipeline.data_driven import lights, options
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.transport import traced
 
 Array = np.ndarray
+
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
@@ -36,6 +38,9 @@ class Keyframe:
     points: Samples
     measurement: Measurement
     kind: str  # of its tracer
+    # of the texels, and as a texture, where there is light from far away
+    transfer: Float32[Array, "t k"] | None = None
+    pages: tuple[Page, ...] | None = None
 
     @cached_property
     def tracer(self) -> Tracer:
@@ -68,13 +73,17 @@ def ground_of(job: Job) -> Ground:
     points, measured = texture.points(pages), _measurement(job)
     every = [(poses.parse(words),) for words in chosen.keyframes] or [()]
     frames = [_keyframe(job, atlas, points, measured, number, pose) for number, pose in enumerate(every)]
+    if options.environments(chosen):
+        frames = [_under_a_sky(job, frame, pages[0]) for frame in frames]
     return Ground(job, pages[0], surface.texel_albedo(atlas, pages), place, tuple(frames))
 
 
 def _measurement(job: Job) -> Measurement:
     chosen = job.config.data_driven
-    place = {"surface": measurement.on_surface, "hull": measurement.on_hull}[chosen.place]
-    return place(job.scene, chosen.points, chosen.supersampling, job.rng("measurement"))
+    wanted = (job.scene, chosen.points, chosen.supersampling, job.rng("measurement"))
+    if chosen.place == "hull":
+        return measurement.on_hull(*wanted)
+    return measurement.on_surface(*wanted, reached=partial(lights.reached, job))
 
 
 def _keyframe(
@@ -86,10 +95,17 @@ def _keyframe(
         measured = poses.posed_measurement(scene, measured, each)
         scene, drawn = poses.posed(scene, each), poses.posed(drawn, each)
     kind = job.tracer.kind
-    found = Keyframe(number, pose, scene, replace(atlas, scene=drawn), points, measured, kind)
-    if options.environments(job.config.data_driven):
-        found = replace(found, measurement=_with_transfer(job, found))
-    return found
+    return Keyframe(number, pose, scene, replace(atlas, scene=drawn), points, measured, kind)
+
+
+def _under_a_sky(job: Job, keyframe: Keyframe, texels: Texels) -> Keyframe:
+    """With the transfer of its texels and of its measurement points, for light from far away."""
+    inputs = inputs_of(job) | ({"pose": [asdict(pose) for pose in keyframe.pose]} if keyframe.pose else {})
+    rays = job.config.transfer.directions
+    made = traced(job, "texture", inputs, keyframe.points, rays, announce=0, tracer=keyframe.tracer)
+    transfer = made.arrays["transfer"]
+    page = texture.page(texels, transfer, dilation=job.config.atlas.dilation)
+    return replace(keyframe, measurement=_with_transfer(job, keyframe), transfer=transfer, pages=(page,))
 
 
 def _with_transfer(job: Job, keyframe: Keyframe) -> Measurement:

@@ -13,9 +13,10 @@ from prtnet import PrtnetError, data_driven
 from prtnet.data_driven import DataDriven
 from prtnet.models.data_driven import Learned, Pairs, learn
 from prtnet.pipeline.data_driven import options as words
-from prtnet.pipeline.data_driven.database import TRAINING, UNSEEN, Database, database
+from prtnet.pipeline.data_driven.database import Database, database
 from prtnet.pipeline.data_driven.errors import errors
 from prtnet.pipeline.data_driven.ground import Ground, ground_of
+from prtnet.pipeline.data_driven.lights import TRAINING, UNSEEN
 from prtnet.pipeline.job import Job
 
 log = logging.getLogger(__name__)

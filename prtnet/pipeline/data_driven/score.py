@@ -83,7 +83,7 @@ def score_lights(job: Job, made: Operator) -> Scored:
     options = job.config.data_driven
     inputs = {
         "operator": made.key,
-        "tested": [options.tested_views, options.tested_lights, options.samples, options.bounces, options.seed],
+        "tested": [options.tested_views, options.tested_lights, options.samples, options.bounces, job.config.seed],
         "size": job.config.render.size,
         "camera": job.config.scene.camera,
         "columns": list(score.KEYS),
@@ -96,11 +96,7 @@ def score_lights(job: Job, made: Operator) -> Scored:
 def _score(job: Job, made: Operator) -> tuple[dict[str, Array], dict[str, Any]]:
     stages = [Stage(keyframe, job.config.render.size) for keyframe in made.ground.keyframes]
     pictures = _pictures(job, made, stages)
-    with console.progress("path-traced references", len(pictures), "pictures") as reach:
-        references = []
-        for count, each in enumerate(pictures, 1):
-            references.append(reference(job, made, each))
-            reach(count)
+    references = _references(job, made, pictures)
     frames = {REFERENCE: references} | _drawn(made, stages, pictures)
     covered = [_covered(each.gbuffer) for each in pictures]
     exposure = score.exposure(references, covered)
@@ -109,7 +105,7 @@ def _score(job: Job, made: Operator) -> tuple[dict[str, Array], dict[str, Any]]:
         _row(job, made, score.score_views(frames[name], references, covered, exposure), name, costs.get(name, {}))
         for name in (DIRECT, METHOD, PROJECTION, LIGHTMAP)
     ]
-    again = [reference(job, made, pictures[0], repeat=1)]
+    again = _references(job, made, pictures[:1], repeat=1)
     floor = score.score_views(again, references[:1], covered[:1], exposure)
     rows.append(_row(job, made, floor, score.NOISE_FLOOR, {}))
     shown = {
@@ -136,39 +132,55 @@ def _pictures(job: Job, made: Operator, stages: Sequence[Stage]) -> list[Lit]:
     return found
 
 
-def reference(job: Job, made: Operator, shown: Lit, *, repeat: int = 0) -> Image:
-    """Each pixel by paths that begin at that very pixel; `repeat` takes others."""
-    options, gbuffer = job.config.data_driven, shown.gbuffer
-    keyframe = made.ground.keyframes[shown.keyframe]
+def _references(job: Job, made: Operator, pictures: Sequence[Lit], *, repeat: int = 0) -> list[Image]:
+    """Each pixel by paths that begin at that very pixel, the same paths for all lights; `repeat` takes others."""
+    found: dict[int, Image] = {}
+    together: dict[tuple[Camera, int], list[int]] = {}
+    for number, each in enumerate(pictures):
+        together.setdefault((each.camera, each.keyframe), []).append(number)
+    for numbers in together.values():
+        irradiance = _path_traced(job, made, [pictures[number] for number in numbers], repeat)
+        for number, values in zip(numbers, irradiance, strict=True):
+            gbuffer = pictures[number].gbuffer
+            found[number] = _image(gbuffer, gbuffer.albedo / np.pi * values)
+    return [found[number] for number in range(len(pictures))]
+
+
+def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int) -> Float32[Array, "l n 3"]:
+    """Irradiance of the covered pixels of one view under several lights."""
+    options, gbuffer = job.config.data_driven, pictures[0].gbuffer
+    keyframe = made.ground.keyframes[pictures[0].keyframe]
     points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
     inputs = job.scene_key | {
-        "camera": asdict(shown.camera),
+        "camera": asdict(pictures[0].camera),
         "size": gbuffer.size,
-        "light": lamp.to_dict(shown.lighting),
+        "lights": [lamp.to_dict(each.lighting) for each in pictures],
         "pose": [asdict(pose) for pose in keyframe.pose],
-        "paths": [options.samples, options.bounces, options.seed, repeat],
+        "paths": [options.samples, options.bounces, job.config.seed, repeat],
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
-        found = paths.radiance(
-            keyframe.tracer,
-            keyframe.scene,
-            points,
-            gbuffer.albedo,
-            [shown.lighting],
-            samples=options.samples,
-            bounces=options.bounces,
-            rng=np.random.default_rng([options.seed, repeat]),
-        )
-        return {"irradiance": (found.direct + found.indirect)[0].astype(np.float32)}, {}
+        with console.progress("path-traced reference", len(gbuffer.pixel), "pixels") as reach:
+            found = paths.radiance(
+                keyframe.tracer,
+                keyframe.scene,
+                points,
+                gbuffer.albedo,
+                [each.lighting for each in pictures],
+                samples=options.samples,
+                bounces=options.bounces,
+                rng=np.random.default_rng([job.config.seed, repeat]),
+                threads=job.config.threads,
+                progress=reach,
+            )
+        return {"irradiance": found.direct + found.indirect}, {"noise": float(np.mean(found.noise))}
 
-    irradiance = job.store.make("paths", inputs, make).arrays["irradiance"]
-    return _image(gbuffer, gbuffer.albedo / np.pi * irradiance)
+    return job.store.make("paths", inputs, make).arrays["irradiance"]
 
 
 def _drawn(made: Operator, stages: Sequence[Stage], pictures: Sequence[Lit]) -> dict[str, list[Image]]:
     frames: dict[str, list[Image]] = {name: [] for name in (DIRECT, METHOD, PROJECTION, LIGHTMAP)}
-    methods = [(LampMethod(stage.raster, shadows=stage.shadows), _method(made, stage)) for stage in stages]
+    methods = [(_direct(stage), _method(made, stage)) for stage in stages]
     for each in pictures:
         direct, learned = methods[each.keyframe]
         lit = direct.draw(each.camera, each.lighting)
@@ -181,8 +193,12 @@ def _drawn(made: Operator, stages: Sequence[Stage], pictures: Sequence[Lit]) -> 
     return frames
 
 
+def _direct(stage: Stage) -> LampMethod:
+    return LampMethod(stage.raster, shadows=stage.shadows, pages=stage.keyframe.pages)
+
+
 def _method(made: Operator, stage: Stage) -> DataDrivenMethod:
-    return DataDrivenMethod(stage.raster, made.spec, shadows=stage.shadows)
+    return DataDrivenMethod(stage.raster, made.spec, shadows=stage.shadows, pages=stage.keyframe.pages)
 
 
 def _with_lightmap(made: Operator, gbuffer: GBuffer, direct: Image, values: Float[Array, "t 3"]) -> Image:
@@ -209,7 +225,7 @@ def _covered(gbuffer: GBuffer) -> Array:
 
 def _costs(made: Operator, stage: Stage, shown: Lit) -> dict[str, dict[str, Any]]:
     """Of what can run in real time: milliseconds in turns, so that a busy machine slows both alike."""
-    direct, learned = LampMethod(stage.raster, shadows=stage.shadows), _method(made, stage)
+    direct, learned = _direct(stage), _method(made, stage)
     taken: dict[str, list[float]] = {DIRECT: [], METHOD: []}
     for _ in range(TIMED_FRAMES):
         taken[DIRECT].append(direct.milliseconds(shown.camera, shown.lighting, repeats=1))

@@ -2,8 +2,8 @@
 
 Yuksel 2015, *Sample Elimination for Generating Poisson Disk Sample Sets*: while there are too many points, the one that
 is most crowded goes. A neighbour at distance d counts (1 - d / s)^8 up to a reach s of 3 r, r the largest radius that
-so many Poisson disks can have (2 r in the paper). Weight limiting takes distances below s beta (1 - (kept / given)^1.5) for that
-one.
+so many Poisson disks can have (2 r in the paper). Weight limiting takes distances below s beta (1 - (kept / given)^1.5)
+for that one.
 
 Points have a side: distances are those of positions and, r times, of unit normals, so that the two sides of a sheet are
 2 r apart, however thin it is.

@@ -36,10 +36,10 @@ BOUNCES = 32
 class Fibre:
     """What hair is made of."""
 
-    eumelanin: float = 0.35  # the pigment of brown and black hair, in Mitsuba's units of concentration
-    pheomelanin: float = 0.6  # that of red hair
-    longitudinal_roughness: float = 0.3  # 0 to 1, along the fibre
-    azimuthal_roughness: float = 0.3  # 0 to 1, around it
+    eumelanin: float = 0.15  # the pigment of brown and black hair, in Mitsuba's units of concentration
+    pheomelanin: float = 0.25  # that of red hair
+    longitudinal_roughness: float = 0.5  # 0 to 1, along the fibre
+    azimuthal_roughness: float = 0.5  # 0 to 1, around it
     scale_tilt: float = 2.0  # of the scales on its surface, in degrees
 
 

@@ -2,10 +2,10 @@
 
     python -m experiments.data_driven.materials [--only subsurface|hair] [--size 192]
 
-Wants the extra paths (Mitsuba 3). Under random directional lights: lightmaps, direct light at measurement points, basis and
-operator; then two lights that it has not learned from, each as the path-traced view, as the view's light from the
-path-traced lightmap, and as what the operator makes of the direct light. Written to results/subsurface.png, hair.png and
-materials.md. About ten minutes on two cores.
+Wants the extra paths (Mitsuba 3). Under random directional lights: lightmaps, direct light at measurement points, basis
+and operator; then two lights that it has not learned from, each as the path-traced view, as the path-traced lightmap
+shows it, as what the operator makes of the direct light, and as near as its basis comes. Writes subsurface.png and
+hair.png and a table of figures for each (*.md) into results/. About ten minutes on two cores.
 """
 
 import argparse
@@ -42,6 +42,9 @@ POINTS, SUPERSAMPLING, ELEMENTS, RIDGE = 128, 8, 16, 0.01
 COLUMNS = ("path traced", "path traced lightmap", "learned", "nearest in the basis")
 DENSITY, VOXELS, TEXELS = 20.0, 56, 96  # of the rabbit: extinction, mesh, lightmap
 STRANDS = 400
+HEAD = """| scene | channels | texels | training % | nearest % | noise % | unseen % | nearest % | noise % | seconds |
+| :-- | :-- | --: | --: | --: | --: | --: | --: | --: | --: |
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +74,20 @@ def measured(scene: Scene, points: Measurement, lights: list[Lighting]) -> Array
 
 
 def fitted(scene: Scene, points: Measurement, texels: Array, size: int, study: Study) -> tuple[DataDriven, str]:
-    """Basis and operator, and a line of the table."""
-    # light takes on colours on its way: what is measured does not tell one colour's transport from another's
-    learned = learn(Pairs(study.made[0].values, study.direct[0]), elements=ELEMENTS, ridge=RIDGE, channels="separate")
-    spec = DataDriven(learned.basis, learned.matrices, (points,), texels, size, scene.digest(), quantity="radiance")
-    figures = []
-    for each, vectors in zip(study.made, study.direct, strict=True):
-        found = errors(spec.basis, spec.matrices, each.values, vectors)
-        level = found.level
-        figures += [f"{100 * found.rmse / level:.1f}", f"{100 * found.projection / level:.1f}"]
-        figures += [f"{100 * float(np.sqrt(np.mean(each.noise**2) / np.mean(each.values**2))):.1f}"]
-    words = [f"{scene.name}", f"{len(texels)}", *figures, f"{study.seconds:.0f}"]
-    return spec, f"| {' | '.join(words)} |"
+    """Basis and operator, one for each colour, and lines of the table: as shares of the lightmaps' RMS, in percent."""
+    lines, spec = [], None
+    for channels in ("shared", "separate"):
+        learned = learn(Pairs(study.made[0].values, study.direct[0]), elements=ELEMENTS, ridge=RIDGE, channels=channels)
+        spec = DataDriven(learned.basis, learned.matrices, (points,), texels, size, scene.digest(), quantity="radiance")
+        figures = []
+        for each, vectors in zip(study.made, study.direct, strict=True):
+            found = errors(spec.basis, spec.matrices, each.values, vectors)
+            noise = float(np.sqrt(np.mean(each.noise**2, dtype=np.float64) / np.mean(each.values**2, dtype=np.float64)))
+            figures += [found.rmse / found.level, found.projection / found.level, noise]
+        words = [scene.name, channels, str(len(texels)), *(f"{100 * each:.1f}" for each in figures)]
+        lines.append(f"| {' | '.join(words)} | {study.seconds:.0f} |")
+    assert spec is not None
+    return spec, "\n".join(lines)
 
 
 def of_rabbit(size: int, samples: int, paths: int) -> str:
@@ -175,7 +180,7 @@ def main() -> None:
         if chosen.only in (None, name):
             line = study(chosen.size, chosen.samples, chosen.paths)
             print(line)
-            (RESULTS / f"{name}.txt").write_text(line + "\n", encoding="utf-8")
+            (RESULTS / f"{name}.md").write_text(f"{HEAD}{line}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

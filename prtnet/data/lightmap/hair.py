@@ -159,7 +159,8 @@ def made_of(
     """The scene for Mitsuba: the strands as B-splines, and the body."""
     mi = mitsuba.module()
     own = fibre or Fibre()
-    if min(asdict(own).values()) < 0 or not 0 < max(own.longitudinal_roughness, own.azimuthal_roughness) <= 1:
+    rough = own.longitudinal_roughness, own.azimuthal_roughness
+    if min(asdict(own).values()) < 0 or not 0 < min(rough) <= max(rough) <= 1:
         raise PrtnetError(f"hair: found {own}, expected pigments of at least 0 and roughness above 0 and up to 1")
     things: dict[str, Any] = {"type": "scene", **(extra or {})}
     if body is not None:

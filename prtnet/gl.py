@@ -195,6 +195,15 @@ def upload_table(table: Float[np.ndarray, "h w 4"]) -> moderngl.Texture:
     return made
 
 
+def upload_indices(image: Num[np.ndarray, "h w"], texel_bytes: int) -> moderngl.Texture:
+    """An unfiltered texture of whole numbers of 1 or 2 bytes, for a usampler2D; row 0 on top."""
+    height, width = image.shape
+    data = _bytes(image, np.uint8 if texel_bytes == 1 else np.uint16)
+    made = context().texture((width, height), 1, data, dtype=f"u{texel_bytes}", alignment=1)
+    made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return made
+
+
 def upload_layers(levels: Sequence[Num[np.ndarray, "_ _ k"]]) -> moderngl.TextureArray:
     """An array of ceil(k/4) RGBA layers, the last one padded with 0, clamped at the border; texels as the images have
     them: float32, float16, or uint8, which reads as 0 to 1. One level is bilinear, a chain of halved sides trilinear.

@@ -1,11 +1,12 @@
 """Blue noise by weighted sample elimination: of many points, those that are spread best.
 
 Yuksel 2015, *Sample Elimination for Generating Poisson Disk Sample Sets*: while there are too many points, the one that
-is most crowded goes. A neighbour at distance d counts (1 - d / 2r)^8, where r is the largest radius that so many
-Poisson disks can have. Weight limiting takes distances below 2 r beta (1 - (kept / given)^1.5) for that one.
+is most crowded goes. A neighbour at distance d counts (1 - d / s)^8 up to a reach s of 3 r, r the largest radius that
+so many Poisson disks can have (2 r in the paper). Weight limiting takes s beta (1 - (kept / given)^1.5) for distances
+below that.
 
 Points have a side: distances are those of positions and, r times, of unit normals, so that the two sides of a sheet are
-no neighbours, however thin it is.
+2 r apart, however thin it is.
 """
 
 from math import sqrt
@@ -17,10 +18,14 @@ from prtnet import PrtnetError
 
 Array = np.ndarray
 
-# of weight limiting; the usual 0.65 spares points of thin geometry too long
+# times as far as disks of that radius reach: on thin strips, where points have neighbours in two directions only, the
+# spacing is larger than the area says, and points would stop to see each other
+REACH = 1.5
+# of weight limiting; the usual 0.65 is too much where neighbours are looked for that far
 BETA = 0.3
 GAMMA = 1.5
 ALPHA = 8  # of the weight
+ROUNDS = 30  # of a fixed point
 
 
 def eliminate(
@@ -33,31 +38,36 @@ def eliminate(
     """
     if not 1 <= count <= len(positions):
         raise PrtnetError(f"sample elimination: found {len(positions)} points, expected at least the {count} to keep")
-    volume = float(np.prod(np.maximum(np.ptp(positions, axis=0), 1e-9)))
-    kept, _ = _level(positions, normals, np.arange(len(positions)), count, largest_radius(count, area, volume), beta)
+    extent = np.ptp(positions, axis=0)
+    kept, _ = _level(positions, normals, np.arange(len(positions)), count, largest_radius(count, area, extent), beta)
     tails = []
     while len(kept) > 1:
         half = len(kept) // 2
-        kept, gone = _level(positions, normals, kept, half, largest_radius(half, area, volume), beta)
+        kept, gone = _level(positions, normals, kept, half, largest_radius(half, area, extent), beta)
         tails.append(gone[::-1])
     return np.concatenate([kept, *tails[::-1]])
 
 
-def largest_radius(count: int, area: float, volume: float) -> float:
-    """The largest radius of `count` Poisson disks on an area; less where surfaces fill their box of `volume` so densely
-    that the bound of spheres comes first (Yuksel 2015, eq. 2 and 3)."""
-    return min(sqrt(area / (2 * sqrt(3) * count)), (volume / (4 * sqrt(2) * count)) ** (1 / 3))
+def largest_radius(count: int, area: float, extent: Float[Array, " 3"]) -> float:
+    """The largest radius of `count` Poisson disks on an area (Yuksel 2015, eq. 2), or that of spheres (eq. 3) in the
+    box `extent` where it comes first: there surfaces fill the box, as hair does."""
+    radius = disks = sqrt(area / (2 * sqrt(3) * count))
+    for _ in range(ROUNDS):
+        # spheres reach out of the box that their centres lie in
+        spheres = (float(np.prod(extent + 2 * radius)) / (4 * sqrt(2) * count)) ** (1 / 3)
+        radius = min(disks, spheres)
+    return radius
 
 
 def _level(
     positions: Array, normals: Array, index: Array, count: int, radius: float, beta: float
 ) -> tuple[Array, Array]:
     """(`count` of the points `index`, the others in the order in which they go)."""
-    places = np.concatenate([positions[index], radius * normals[index]], axis=1)
-    first, second = near_pairs(places, 2 * radius)
-    least = 2 * radius * beta * (1 - (count / len(index)) ** GAMMA)
+    places, reach = np.concatenate([positions[index], radius * normals[index]], axis=1), 2 * REACH * radius
+    first, second = near_pairs(places, reach)
+    least = reach * beta * (1 - (count / len(index)) ** GAMMA)
     distance = np.maximum(np.linalg.norm(places[first] - places[second], axis=1), least)
-    weight = (1 - distance / (2 * radius)) ** ALPHA
+    weight = (1 - distance / reach) ** ALPHA
     order = np.argsort(np.concatenate([first, second]), kind="stable")
     neighbour, share = np.concatenate([second, first])[order], np.concatenate([weight, weight])[order]
     crowded = np.bincount(np.concatenate([first, second]), np.tile(weight, 2), len(index)).astype(float)

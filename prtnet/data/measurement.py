@@ -15,6 +15,7 @@ from prtnet import PrtnetError
 from prtnet.data.albedo import albedo
 from prtnet.data.elimination import eliminate, near_pairs
 from prtnet.data.hull import hull_of
+from prtnet.data.lighting.placing import Places
 from prtnet.data.samples import Samples, area_uniform, select
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
@@ -26,7 +27,6 @@ CANDIDATES = 8  # that each point is chosen from
 SPARE = 2  # times as many neighbours are looked at as are taken
 BLOCK = 2048  # places whose distances to all points are held at a time
 UNREACHED = 4  # times as many candidates where light may reach some of the surface only
-HIDDEN = 0.01  # unit lengths: a point that sees no further has no light
 COINCIDENT = 1e-6  # of positions and normals, below which two measurements are one
 LARGEST = 4096  # points; each is a row of the matrix that is multiplied by at run time
 
@@ -41,24 +41,23 @@ def on_surface(
 ) -> Measurement:
     """`count` points on the surfaces of a scene in unit coordinates, each the mean of `supersampling` neighbours.
 
-    Prefixes are well spread as well. Both sides of two-sided faces count; sides that nothing can light do not, nor does
-    what is not `reached` by any of the lights that are measured. The transfer is left empty. Raises
-    PrtnetError for a count or supersampling below 1 or too large, and where all surfaces are hidden.
+    Prefixes are well spread as well. Both sides of two-sided faces count; what lies on other surfaces does not, nor do
+    the outer walls of a room, nor what is not `reached` by any of the lights that are measured. The transfer is left
+    empty. Raises PrtnetError for a count or supersampling below 1 or too large, and where too little surface is left.
     """
     _check_counts(count, supersampling)
     wanted = count * max(SPARE * supersampling, CANDIDATES) * (1 if reached is None else UNREACHED)
     found = area_uniform(scene, wanted, rng)
-    tracer = Tracer(scene)
-    open_ = tracer.clearance(found.positions, found.geometric_normals) > HIDDEN
+    worth, _ = Places(scene, Tracer(scene)).worth(found)
     if reached is not None:
-        open_ &= reached(found)
-    area = float(scene.split_sides().face_areas.sum()) * float(open_.mean())
-    if open_.sum() < count:
+        worth &= reached(found)
+    if worth.sum() < count:
         raise PrtnetError(
-            f"{scene.name}: found room for {open_.sum()} of {count} measurement points: its other surfaces are hidden"
+            f"{scene.name}: found room for {worth.sum()} of {count} measurement points: its other surfaces are hidden"
             " or out of the light, expected surfaces that light can reach; lower data_driven.points"
         )
-    return _chosen(scene, select(found, open_), area, count, supersampling)
+    area = float(scene.split_sides().face_areas.sum()) * float(worth.mean())
+    return _chosen(scene, select(found, worth), area, count, supersampling)
 
 
 def on_hull(scene: Scene, count: int, supersampling: int, rng: np.random.Generator) -> Measurement:

@@ -6,10 +6,12 @@
 arrives. What lies in the way is found in one array of depth textures, layer 6 l + face for lamp l (Williams 1978,
 *Casting Curved Shadows on Curved Surfaces*). Points, and spots wider than `WIDE`, have six faces, others one.
 
-What looks up a map is moved off the surface along its geometric normal, by texels of the map as wide as they are
-there, times the sine of the angle to the light: the taps of a 2 x 2 filter lie up to a texel's diagonal away, and on
-a plane that changes the distance from the light by its tangent, which such a step makes up for at every angle. Casters
-are pushed back by `SLOPE_BIAS` and `DEPTH_BIAS` (polygon offset) for corners, where the taps meet other planes.
+The taps of a 2 x 2 filter lie up to a texel away in u and v. On a plane whose normal is n, in the axes of the map,
+with texels t wide there, its depth changes by up to t (|n_u| + |n_v|) / |n_w| that way, and a step h off the plane
+along n changes it by h / |n_w|. So what looks up a map is moved by `LIFT_SLOPE` t (|n_u| + |n_v|) and a little, which
+stays bounded at every angle. The rest of what is needed is pushed on the casters (polygon offset, `SLOPE_BIAS`
+max(|n_u|, |n_v|) t / |n_w|): in corners the taps meet other planes. No plane shadows itself where the slope bias and
+twice `LIFT_SLOPE` are 2 together.
 """
 
 import math
@@ -31,11 +33,12 @@ KINDS = {"directional": 0, "point": 1, "spot": 2}
 # spots whose half angle has a smaller cosine are drawn like points
 WIDE = 0.5
 # factor and units of glPolygonOffset while casters are drawn
-SLOPE_BIAS, DEPTH_BIAS = 1.25, 1.0
-# steps off the surface in texels: always, and times the sine of the angle to the light
-LIFT, LIFT_SLOPE = 0.1, 0.4
-# maps are this much wider than what is looked up in them, so that filters and steps stay inside
-MARGIN = 1.02
+SLOPE_BIAS, DEPTH_BIAS = 1.5, 1.0
+# steps off the surface in texels: always, and times |n_u| + |n_v|
+LIFT, LIFT_SLOPE = 0.1, 0.25
+# maps are this much wider than what is looked up in them, so that filters and steps stay inside; with at least
+# `LEAST_SIZE` texels along a side the border of a directional lamp's map is free of casters
+MARGIN, LEAST_SIZE = 1.02, 64
 # shortest distance to the plane that cuts off what is too near a lamp, in unit coordinates
 NEAR = 0.005
 
@@ -57,16 +60,17 @@ int prt_face(vec3 away) {
   return away.z > 0.0 ? 4 : 5;
 }
 
-// share of the light that reaches a point, whose surface the light meets at an angle of this cosine
-float prt_lit(int face, vec3 position, vec3 geometric, float facing) {
+// share of the light that reaches a point
+float prt_lit(int face, vec3 position, vec3 geometric) {
   mat4 map = shadow_matrix[face];
   float away = dot(vec4(map[0].w, map[1].w, map[2].w, map[3].w), vec4(position, 1.0));
-  float scale = length(vec3(map[0].x, map[1].x, map[2].x)) * float(textureSize(shadow_map, 0).x);
-  float lift = 2.0 * away / scale * (LIFT + LIFT_SLOPE * sqrt(max(1.0 - facing * facing, 0.0)));
-  vec4 clip = map * vec4(position + lift * geometric, 1.0);
+  vec3 right = vec3(map[0].x, map[1].x, map[2].x), up = vec3(map[0].y, map[1].y, map[2].y);
+  float scale = 1.0 / length(right);
+  float slant = scale * (abs(dot(right, geometric)) + abs(dot(up, geometric)));
+  float texel = 2.0 * away * scale / float(textureSize(shadow_map, 0).x);
+  vec4 clip = map * vec4(position + texel * (LIFT + LIFT_SLOPE * slant) * geometric, 1.0);
   vec3 place = 0.5 * clip.xyz / clip.w + 0.5;
-  // beside the map of a directional lamp nothing is in the way
-  if (any(greaterThan(abs(place.xy - 0.5), vec2(0.5)))) return 1.0;
+  // behind the map of a directional lamp is what its last depth sees; beside it nothing, and its border sees nothing
   return texture(shadow_map, vec4(place.xy, float(face), min(place.z, 1.0)));
 }
 
@@ -87,12 +91,19 @@ vec3 prt_of_lamp(int lamp, vec3 position, vec3 normal, vec3 geometric) {
   strength *= max(dot(normal, towards), 0.0);
   // written so that what is no number is dark as well
   if (!(facing > 0.0 && strength > 0.0)) return vec3(0.0);
-  return colour.rgb * strength * prt_lit(face, position, geometric, facing);
+  return colour.rgb * strength * prt_lit(face, position, geometric);
 }
 
 vec3 prt_direct(vec3 position, vec3 normal, vec3 geometric) {
   vec3 sum = vec3(0.0);
-  for (int lamp = 0; lamp < lamp_count; ++lamp) sum += prt_of_lamp(lamp, position, normal, geometric);
+  int lamp = 0;
+  // a test at the end: processors that run several pixels at once run the whole body before they heed one on top
+  if (lamp_count > 0) {
+    do {
+      sum += prt_of_lamp(lamp, position, normal, geometric);
+      ++lamp;
+    } while (lamp < lamp_count);
+  }
   return sum;
 }
 """

@@ -18,6 +18,7 @@ from prtnet.data.scene import Scene
 from prtnet.data.texture import Page, Texels
 from prtnet.data.tracer import Tracer
 from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
+from prtnet.pipeline.data_driven.learn import Operator, operator
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, incident, received, texels_and_radiosity, traced
 from prtnet.render import camera
@@ -84,6 +85,7 @@ class Baked:
     lit: BakedTexture | None  # beside the transfer, light from other surfaces under the job's light
     mesh: BakedMesh | None
     points: NetPoints | None
+    operator: Operator | None = None  # of the method data_driven
 
     @property
     def radiosity(self) -> Radiosity | None:
@@ -96,8 +98,9 @@ def bake(job: Job) -> Baked:
     baked = None if job.implicit else bake_texture(job)
     points = _net_points(job, baked) if {"net", "clusters"} & set(job.config.methods) else None
     lit = _lit(job, baked) if baked and "lit_texture" in job.config.methods else None
-    mesh = _mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
-    return Baked(baked, lit, mesh, points)
+    mesh = bake_mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
+    learned = operator(job) if "data_driven" in job.config.methods else None
+    return Baked(baked, lit, mesh, points, learned)
 
 
 def _net_points(job: Job, baked: BakedTexture | None) -> NetPoints:
@@ -226,7 +229,8 @@ def _lit(job: Job, baked: BakedTexture) -> BakedTexture:
     return BakedTexture(made.key, baked.atlas, _pages(job, baked.texels, values), baked.texels, facts, baked.radiosity)
 
 
-def _mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:
+def bake_mesh(job: Job, radiosity: Radiosity | None) -> BakedMesh:
+    """The vertices of a job, or what the store has of them."""
     options = job.config.vertex
     mesh = vertex.mesh(job.scene, options.subdivide, options.level)
     cut = sorted(set(options.subdivide)) if options.level else []

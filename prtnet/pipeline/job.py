@@ -23,7 +23,7 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
-from prtnet.pipeline import candidates, drawn_by, scenes, split_options
+from prtnet.pipeline import candidates, drawn_by, linear_options, scenes, split_options
 from prtnet.pipeline.data_driven import options as data_driven_options
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
@@ -257,6 +257,7 @@ def _check(config: Config) -> None:
     recipe.check(config.train)
     split_options.check(config)
     data_driven_options.check(config)
+    linear_options.check(config)
     _material(config)
     _display(config)
     _check_atlas(config)

@@ -126,6 +126,7 @@ def _facts(job: Job, baked: Baked, trained: Trained | None, exported: Exported, 
         facts["vertices"] = f"{len(baked.mesh.mesh.vertices)} ({_cuts(job)})"
     if baked.texture:
         facts |= _texture_facts(job, baked.texture)
+    facts |= scored.facts.get("linear", {})
     return facts | {
         "light": job.light_name,
         "material": job.material.words(),

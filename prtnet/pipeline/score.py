@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import console, score
-from prtnet.pipeline import drawn_by
+from prtnet.pipeline import drawn_by, linear
 from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
@@ -51,6 +51,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
     bands_light, _ = job.material.orders(job.config.transfer.bands)
     coefficients = job.light.coefficients(bands_light)
     shown = exported.drawn_by == drawn_by.SHADER
+    fits = linear.fits(job, baked, trained)
     inputs = job.scene_key | {
         "methods": job.config.methods,
         **({"texture": baked.texture.key} if baked.texture else {}),
@@ -66,6 +67,8 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
         "columns": list(score.KEYS),
         **({"clusters": exported.clusters.key} if exported.clusters else {}),
+        **({"data_driven": baked.operator.key} if baked.operator else {}),
+        **linear.keys(fits),
     }
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
@@ -75,7 +78,8 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         places: list[Surface] = []
         if exported.clusters and isinstance(drawing, Raster):
             places = surfaces(job, exported.clusters.spec, drawing, views)
-        return _draw_and_score(job, methods, views, coefficients, baked.radiosity, places)
+        arrays, facts = _draw_and_score(job, methods, views, coefficients, baked.radiosity, places)
+        return arrays, facts | linear.words(fits)
 
     made = job.store.make("score", inputs, make)
     rows = [score.Row(**row) for row in made.facts["rows"]]

@@ -68,6 +68,11 @@ class TransferMap:
             lines.append(f"t{self._first + layer} = {found}")
         return "; ".join(lines)
 
+    def fetched(self, layer: int | str, texel: str) -> str:
+        """GLSL of a vector of the first level at a texel, an ivec2, unfiltered."""
+        found = f"texelFetch(transfer_map, ivec3({texel}, {layer}), 0)"
+        return f"({found} * transfer_scale[{layer}] + transfer_offset[{layer}])" if self._decoded else found
+
     def bind(self, program: moderngl.Program, page: int, camera: Camera, size: int) -> None:
         """Have a program read a page in a frame of `size`^2 pixels."""
         self._textures[page].use(UNIT)

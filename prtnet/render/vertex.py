@@ -57,7 +57,7 @@ class VertexMethod(Shaded):
     def _compile(self, gloss_function: str) -> None:
         own = bool(self._attributes)
         defines: dict[str, Any] = {}
-        texts, statements = [gl.shader("vertex_light.glsl")], ["lit = light_of_vertex()"]
+        texts, statements = [self._fetching()], ["lit = light_of_vertex()"]
         if own:
             texts.append(gl.shader("vertex_own.glsl"))
             statements.append("lit *= in_reflectance.a")
@@ -84,6 +84,10 @@ class VertexMethod(Shaded):
             **defines,
         )
         self.draws = self.raster.draws(self.program, self._attributes)
+
+    def _fetching(self) -> str:
+        """GLSL of light_of_vertex() and, for gloss, transfer_of_vertex(layer)."""
+        return gl.shader("vertex_light.glsl")
 
     def covers(self, camera: Camera) -> Bool[Array, "h w"]:
         """The pixels that show the mesh."""

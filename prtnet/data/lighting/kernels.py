@@ -16,9 +16,9 @@ DIRECTIONAL, POINT, SPOT = 0, 1, 2
 
 @lru_cache(maxsize=3)
 def lamp_kernel(width: int):
-    """The kernel that finds the irradiance of a lamp of colour 1, for packets of `width` rays.
+    """The kernel that finds the irradiance of a lamp of colour 1, in packets of `width` rays.
 
-    `starts` are float32 and off the surface; `away` is 1 for points that a ray of length 0 would not leave.
+    `starts` are off the surface; `slots` is room for the index of each ray of a packet.
     """
 
     @njit(nogil=True, cache=True)
@@ -28,11 +28,28 @@ def lamp_kernel(width: int):
     ):  # fmt: skip
         filled = 0
         for i in range(positions.shape[0]):
-            out[i] = strength(kind, place, aim, outer, inner, positions[i], normals[i], sides[i])
-            if out[i] <= 0:
+            # to the lamp, from the point and from where its ray starts
+            if kind == DIRECTIONAL:
+                x, y, z, found = -aim[0], -aim[1], -aim[2], 1.0
+            else:
+                x, y, z = place[0] - positions[i, 0], place[1] - positions[i, 1], place[2] - positions[i, 2]
+                found = 0.0
+            out[i] = 0.0
+            cosine = x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2]
+            if cosine <= 0 or x * sides[i, 0] + y * sides[i, 1] + z * sides[i, 2] <= 0:
                 continue
-            put(kind, place, aim, starts[i], rays, filled)
-            slots[filled] = i
+            if kind != DIRECTIONAL:
+                distance = max(sqrt(x * x + y * y + z * z), 1e-9)
+                x, y, z = x / distance, y / distance, z / distance
+                cosine, found = cosine / distance, 1 / (distance * distance)
+            if kind == SPOT:
+                step = (-(x * aim[0] + y * aim[1] + z * aim[2]) - outer) / (inner - outer)
+                step = min(max(step, 0.0), 1.0)
+                found *= step * step * (3 - 2 * step)
+            if found <= 0:
+                continue
+            out[i], slots[filled] = found * cosine, i
+            put(kind == DIRECTIONAL, place, aim, starts[i, 0], starts[i, 1], starts[i, 2], rays, filled)
             filled += 1
             if filled == width:
                 query(function, scene, options, rays, valid, filled, slots, out)
@@ -46,39 +63,15 @@ def lamp_kernel(width: int):
 
 
 @njit(nogil=True, cache=True, inline="always")
-def strength(kind, place, aim, outer, inner, position, normal, side):
-    """Irradiance of a lamp of colour 1 where nothing is in the way; 0 from behind the surface."""
-    if kind == DIRECTIONAL:
-        x, y, z, found = -aim[0], -aim[1], -aim[2], 1.0
+def put(distant, place, aim, x, y, z, rays, q):
+    """Aims lane q of a packet from a start at the lamp, so long that it ends there."""
+    rays[0, q], rays[1, q], rays[2, q], rays[3, q] = x, y, z, 0
+    if distant:
+        rays[4, q], rays[5, q], rays[6, q], rays[TFAR, q] = -aim[0], -aim[1], -aim[2], FAR
     else:
-        x, y, z = place[0] - position[0], place[1] - position[1], place[2] - position[2]
-        distance = max(sqrt(x * x + y * y + z * z), 1e-9)
-        x, y, z = x / distance, y / distance, z / distance
-        found = 1 / (distance * distance)
-    cosine = x * normal[0] + y * normal[1] + z * normal[2]
-    if cosine <= 0 or x * side[0] + y * side[1] + z * side[2] <= 0:
-        return 0.0
-    if kind == SPOT:
-        step = (-(x * aim[0] + y * aim[1] + z * aim[2]) - outer) / (inner - outer)
-        step = min(max(step, 0.0), 1.0)
-        found *= step * step * (3 - 2 * step)
-    return found * cosine
-
-
-@njit(nogil=True, cache=True, inline="always")
-def put(kind, place, aim, start, rays, q):
-    """Aims lane q of a packet at the lamp, so long that it ends there."""
-    if kind == DIRECTIONAL:
-        x, y, z, length = -aim[0], -aim[1], -aim[2], float(FAR)
-    else:
-        x, y, z = place[0] - start[0], place[1] - start[1], place[2] - start[2]
-        length = max(sqrt(x * x + y * y + z * z), 1e-9)
-        x, y, z = x / length, y / length, z / length
-    rays[0, q], rays[1, q], rays[2, q] = start[0], start[1], start[2]
-    rays[3, q] = 0
-    rays[4, q], rays[5, q], rays[6, q] = x, y, z
-    rays[7, q] = 0
-    rays[TFAR, q] = length
+        dx, dy, dz = place[0] - x, place[1] - y, place[2] - z
+        length = max(sqrt(dx * dx + dy * dy + dz * dz), 1e-9)
+        rays[4, q], rays[5, q], rays[6, q], rays[TFAR, q] = dx / length, dy / length, dz / length, length
 
 
 @njit(nogil=True, cache=True, inline="always")

@@ -1,4 +1,7 @@
-"""Where lamps may stand: not inside solids, not on a surface, and in rooms between their walls. Unit coordinates."""
+"""What surrounds a place: where lamps may stand, and which surfaces are worth lighting. Unit coordinates.
+
+A room, whose inside sees surfaces almost everywhere, is lit and looked at from within: its outer walls do not count.
+"""
 
 from functools import cached_property
 
@@ -6,17 +9,27 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 
 from prtnet import PrtnetError
+from prtnet.data import directions as sets
 from prtnet.data.lighting.lamp import Lighting
 from prtnet.data.nearest import boxes_of, nearest
 from prtnet.data.normals import unit
+from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
-from prtnet.data.tracer import Tracer
+from prtnet.data.tracer import Tracer, rays
 
 Array = np.ndarray
 
 RAYS = 64  # from a place, in all directions
 INSIDE = 0.5  # share of a place's rays that must say so
 LAYERS = 64  # surfaces that a ray meets, at most
+CLEAR = 0.25  # unit lengths between a lamp drawn at random and any surface
+CLEARER = 75  # percent of the free places in a room that are nearer, at most
+NEAR = 0.02  # unit lengths: places nearer to a surface see little else
+HIDDEN = 0.01  # unit lengths: points that see no further, as on the bottom of what stands on a floor, have no light
+ROOM = 0.7  # share of directions in which the middling free place of a room sees a surface
+WITHIN = 0.7  # of that share, which places in a room have at least
+INNER = 0.3  # of that share, which points on the surfaces of a room have at least
+TRIED = 512  # places that a scene is known as a room by
 
 
 def check(lighting: Lighting, scene: Scene, tracer: Tracer) -> None:
@@ -45,6 +58,50 @@ class Places:
         self._fans = fibonacci(RAYS)
 
     @cached_property
+    def _within(self) -> tuple[Float64[Array, "n 3"], Float64[Array, " n"]]:
+        """(free places in the scene's box, their enclosure)."""
+        low, high = self.scene.vertices.min(axis=0), self.scene.vertices.max(axis=0)
+        places = np.random.default_rng(0).uniform(low, high, (TRIED, 3))
+        places = places[self.free(places, NEAR)]
+        return places, self.enclosure(places)
+
+    @cached_property
+    def room(self) -> float:
+        """Share of directions in which the middling free place in the scene's box sees surfaces; 0 for no room."""
+        _, enclosure = self._within
+        share = float(np.median(enclosure)) if len(enclosure) else 0.0
+        return share if share > ROOM else 0.0
+
+    @cached_property
+    def clear(self) -> float:
+        """How far from all surfaces lamps are drawn: what light they send there stays of the order of the mean."""
+        places, enclosure = self._within
+        inner = places[enclosure >= WITHIN * self.room]
+        return min(CLEAR, float(np.percentile(self.distance(inner), CLEARER))) if self.room else CLEAR
+
+    def free(self, positions: Float[Array, "n 3"], clear: float) -> Bool[Array, " n"]:
+        """Whether a lamp may be put there: `clear` or more from all surfaces, in no solid."""
+        found = self.distance(positions) >= clear
+        found[found] = ~self.inside(positions[found])
+        return found
+
+    def worth(self, points: Samples) -> tuple[Bool[Array, " n"], Bool[Array, " n"]]:
+        """(whether surface points can be lit and, in a room, belong to its inside, whether they see out of the scene).
+
+        Of a room that has no such points all that are not hidden count.
+        """
+        local, _ = sets.local_set("cosine_fibonacci", RAYS, np.random.default_rng(0))
+        frames = sets.frames(sets.turns(points.geometric_normals, np.zeros(len(points.face))))
+        starts = (points.positions + self.tracer.offset * points.geometric_normals).astype(np.float32)
+        origins, towards = rays(starts, frames, local.astype(np.float32))
+        face, _, far = self.tracer.hits(origins, towards)
+        face, far = face.reshape(len(starts), -1), far.reshape(len(starts), -1)
+        buried = np.mean(self._crossing(face, towards.reshape(len(starts), -1, 3)) > 0, axis=1) > INSIDE
+        seen = (far.max(axis=1) > HIDDEN) & ~buried
+        inner = seen & (np.isfinite(far).mean(axis=1) > INNER * self.room)
+        return inner if self.room and inner.any() else seen, np.any(np.isinf(far), axis=1)
+
+    @cached_property
     def _tree(self) -> tuple[Array, Array]:
         corners = self.scene.vertices[self.scene.faces]
         order, boxes = boxes_of(corners)
@@ -59,8 +116,7 @@ class Places:
 
     def enclosure(self, positions: Float[Array, "n 3"]) -> Float64[Array, " n"]:
         """Share of all directions in which one sees a surface."""
-        face = self._first(positions)
-        return np.mean(face >= 0, axis=1)
+        return np.mean(self._first(positions) >= 0, axis=1)
 
     def inside(self, positions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         """Whether places are within a solid: most rays see its faces from behind, or leave more faces than they enter.
@@ -68,6 +124,8 @@ class Places:
         The first finds tables in rooms that are nothing but walls facing inwards, the second the inside of solids that
         others reach into. Two-sided faces bound no solid, and holes turn few rays.
         """
+        if not len(positions):
+            return np.zeros(0, bool)
         face = self._first(positions)
         towards = np.broadcast_to(self._fans, (*face.shape, 3))
         seen_behind = np.mean(self._crossing(face, towards) > 0, axis=1) > INSIDE

@@ -22,7 +22,7 @@ Array = np.ndarray
 SCENARIOS = (*LAMPS, "environment")
 COLOURS = ("white", "random")
 TRIES = 256  # drawings of one configuration
-LEAST = 3  # of the points that the scene is judged by are lit
+LEAST = 6  # of the points that the scene is judged by are lit
 HALF_ANGLES = (20.0, 50.0)  # degrees, of spots
 SOFT = (0.5, 0.9)  # share of a spot's cone that has all of its intensity
 FROM_ABOVE = 0.9  # share of directional lights
@@ -30,7 +30,7 @@ BRIGHTNESS = (0.5, 2.0)  # mean irradiance of what is lit; of environments their
 SATURATION = (0.4, 1.0)
 LOBES = 4  # of an environment, at most
 SHARPNESS = (2.0, 16.0)  # of its lobes exp(s (cos - 1))
-WINDOW = 1.5  # times as many bands as there are, of Hann's
+WINDOW = 1.25  # times as many bands as there are, of Hann's
 AMBIENT = (0.1, 0.6)  # share of an environment that is the same in all directions
 
 
@@ -74,7 +74,8 @@ def _one(kind: str, reach: Reach, rng: np.random.Generator, colours: str, bands:
         if lamp is None:
             continue
         received = reach.irradiance(lamp)
-        if np.count_nonzero(received) >= LEAST:
+        # a spot sees what it is aimed at, and may be narrow
+        if np.count_nonzero(received) >= (1 if kind == "spot" else LEAST):
             return scaled(Lighting((lamp,)), brightness / received[received > 0].mean() * colour)
     raise _unlit(kind, reach)
 

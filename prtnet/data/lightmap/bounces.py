@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
-from scipy.spatial import cKDTree
 
 from prtnet import PrtnetError, sh
 from prtnet.data import transfer
+from prtnet.data.elimination import near_pairs
 from prtnet.data.lightmap.rendered import Rendered, of_halves
 from prtnet.data.samples import Samples
 from prtnet.data.surface import Surface
@@ -29,8 +29,8 @@ Array = np.ndarray
 GROUP = 128
 # rays that tell whether a texel is within a solid: most of them hit surfaces from behind
 HIDDEN_RAYS = 64
-# texels in sight that are asked for one that faces as a hidden one does, and how many spacings away they may be
-ASKED, REACH = 8, 4.0
+# how many texels away one in sight may be that a hidden one takes its values from
+REACH = 4.0
 
 
 def indirect(
@@ -38,7 +38,7 @@ def indirect(
     points: Samples,
     albedo: Float[Array, "t 3"],
     surface: Surface,
-    direct: Float32[Array, "c t 3"],
+    direct: Float32[Array, "c _ 3"],
     *,
     bounces: int = 4,
     directions: int = 512,
@@ -92,19 +92,30 @@ def hidden(tracer: Tracer, points: Samples, surface: Surface, threads: int | Non
 def sources(points: Samples, within: Bool[Array, " t"]) -> Int[Array, " t"]:
     """The texel whose values each takes: itself, or in place of one `within` a solid the nearest in sight that faces
     the same way, where there is one a few texels away."""
-    source, lost, found = np.arange(len(within)), np.flatnonzero(within), np.flatnonzero(~within)
-    if not len(lost) or not len(found):
+    source, normals = np.arange(len(within)), points.normals.astype(np.float64)
+    if not within.any() or within.all():
         return source
-    tree = cKDTree(points.positions[found])
-    count = min(ASKED, len(found))
-    spacing = tree.query(points.positions[found], 2)[0][:, -1] if len(found) > 1 else np.zeros(1)
-    away, near = (each.reshape(len(lost), count) for each in tree.query(points.positions[lost], count))
-    facing = np.einsum("nki,ni->nk", points.normals[found[near]], points.normals[lost]) > 0.9
-    fit = facing & (away < REACH * np.median(spacing))
-    first = fit.argmax(axis=1)
-    has = fit.any(axis=1)
-    source[lost[has]] = found[near[np.arange(len(lost)), first]][has]
+    # texels stand row by row: even where charts are tiny, a quarter of them are followed by a neighbour
+    reach = REACH * float(np.quantile(np.linalg.norm(np.diff(points.positions, axis=0), axis=1), 0.25))
+    few = _around(points.positions, within, reach)
+    pairs = near_pairs(np.concatenate([points.positions[few], reach * normals[few]], axis=1), reach)
+    lost, found = few[np.concatenate(pairs)], few[np.concatenate(pairs[::-1])]
+    mends = within[lost] & ~within[found]
+    lost, found = lost[mends], found[mends]
+    away = np.linalg.norm(points.positions[lost] - points.positions[found], axis=1)
+    order = np.lexsort((found, away))[::-1]
+    # the last of equal places is the one that stays: the nearest
+    source[lost[order]] = found[order]
     return source
+
+
+def _around(positions: Float[Array, "t 3"], within: Bool[Array, " t"], reach: float) -> Int[Array, " n"]:
+    """The points in cells of the size `reach` in or beside which there is one `within`."""
+    cells = np.floor((positions - positions.min(axis=0)) / reach).astype(np.int64) + 1
+    shape = cells.max(axis=0) + 2
+    steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), axis=-1).reshape(-1, 1, 3)
+    beside = np.ravel_multi_index(np.moveaxis(np.unique(cells[within], axis=0) + steps, -1, 0), shape)
+    return np.flatnonzero(np.isin(np.ravel_multi_index(cells.T, shape), beside))
 
 
 def left_out(sums: Float64[Array, "b 3"], albedo: Float[Array, "t 3"]) -> float:

@@ -1,15 +1,15 @@
 """The reference: a path tracer with next-event estimation, which knows nothing of atlases, lightmaps or bases.
 
-    E(p) = E_0(p) + E_1(p) + ... + E_B(p),  E_b(p) = mean over paths p, x_1 .. x_b of a(x_1) .. a(x_b) E_0(x_b)
+    E = E_0 + E_1 + ... + E_B,  E_b(p) = mean over paths p, x_1 .. x_b of albedo(x_1) .. albedo(x_b) E_0(x_b)
 
-a: albedo. Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the factors pi
+Kajiya 1986, *The Rendering Equation*. Directions have cosine density about shading normals, so that the factors pi
 cancel. E_0, what is lit directly: lamps by shadow rays; light from far away by the next ray of the path, where that
 leaves the scene. No path ends by chance, and none goes on after B bounces. Every lighting uses the same paths.
 """
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int
@@ -82,8 +82,7 @@ def radiance(
         index = chunks[number]
         few = select(points, index)
         far, near, error = _estimates(world, few, each, bounces, generators[number])
-        exact = world.lamps(few, tracer.origins(few.positions, few.geometric_normals))
-        seen[:, index], found[:, index], noise[:, index] = far + exact, near, error
+        seen[:, index], found[:, index], noise[:, index] = far + world.lamps(few), near, error
         return len(index)
 
     done = 0
@@ -148,14 +147,10 @@ class World:
             go_on = np.flatnonzero(side >= 0)
             vertices, reflected = self._vertices(side[go_on], where[go_on])
             point, carried = point[go_on], carried[go_on] * reflected
-            start = self.tracer_origins(vertices)
+            start = (vertices.positions + self.tracer.offset * vertices.geometric_normals).astype(np.float32)
             self._lit(near, point, carried, vertices, start)
             aim = towards(vertices.normals, rng.random((len(point), 2), np.float32))
         return far / each, near / each
-
-    def tracer_origins(self, vertices: Samples) -> Float32[Array, "m 3"]:
-        """Off the surface; vertices are in unit coordinates already."""
-        return (vertices.positions + self.tracer.offset * vertices.geometric_normals).astype(np.float32)
 
     def _sides(self, face: Int[Array, " m"], aim: Float32[Array, "m 3"]) -> Int[Array, " m"]:
         """The one-sided face that a ray sees; -1 for none, and for the unseen back of one."""
@@ -170,16 +165,13 @@ class World:
         weights = np.stack([np.where(back, v, first), u, np.where(back, first, v)], axis=1)
         return at_barycentric(self.split, side, weights), albedo_at(self.split, side, weights)
 
-    def lamps(self, points: Samples, starts: Float32[Array, "n 3"]) -> Float64[Array, "l n 3"]:
-        """Irradiance from the lamps of each lighting; rays begin at `starts`."""
-        positions = self.tracer.frame.to_unit(points.positions)
-        normals, sides = (each.astype(np.float64) for each in (points.normals, points.geometric_normals))
-        out = np.zeros((len(self.lightings), len(positions), 3))
-        for row, lighting in zip(out, self.lightings, strict=True):
-            for lamp in lighting.lamps:
-                found = direct.from_lamp(lamp, self.tracer, positions, normals, sides, starts)
-                row += found[:, None] * np.asarray(lamp.colour)
-        return out
+    def lamps(self, points: Samples) -> Float64[Array, "l n 3"]:
+        """Irradiance of points from the lamps of each lighting."""
+        start = self.tracer.origins(points.positions, points.geometric_normals)
+        total = np.zeros((len(self.lightings), len(start), 3))
+        here = replace(points, positions=self.tracer.frame.to_unit(points.positions))
+        self._lit(total, np.arange(len(start)), np.ones((len(start), 3), np.float32), here, start)
+        return total
 
     def _lit(
         self,
@@ -189,12 +181,11 @@ class World:
         vertices: Samples,
         starts: Float32[Array, "m 3"],
     ) -> None:
-        """Adds what lamps send to vertices of paths to the points that these began at."""
-        positions = vertices.positions
+        """Adds what lamps send to vertices of paths (unit coordinates) to the points that these began at."""
         normals, sides = (each.astype(np.float64) for each in (vertices.normals, vertices.geometric_normals))
         for row, lighting in zip(total, self.lightings, strict=True):
             for lamp in lighting.lamps:
-                found = direct.from_lamp(lamp, self.tracer, positions, normals, sides, starts)
+                found = direct.from_lamp(lamp, self.tracer, vertices.positions, normals, sides, starts)
                 lit = np.flatnonzero(found)
                 _add(row, point[lit], carried[lit] * (found[lit, None] * np.asarray(lamp.colour)))
 

@@ -163,15 +163,16 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
 def by_noise(
     training: Pairs, unseen: Pairs, noise: Float[Array, " t"], *, rng: np.random.Generator, **settings: Any
 ) -> list[Line]:
-    """Of lightmaps as noisy as those of fewer rays are. `noise`, a line's own: that of its lightmaps, relative."""
-    mean = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64)))
-    own = float(np.sqrt(np.mean(np.square(noise, dtype=np.float64))) / max(mean, 1e-30))
+    """Of lightmaps as noisy as those of fewer rays are, each by its brightness; asked is how near the lightmaps of all
+    rays are. `noise`, a line's own: the noise of its lightmaps, over their RMS."""
+    levels = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64), axis=(1, 2)))
+    level = max(float(np.sqrt(np.mean(levels**2))), 1e-30)
+    own = float(np.sqrt(np.mean(np.square(noise, dtype=np.float64)))) / level
+    spread = np.outer(levels / level, noise)[..., None].astype(np.float32)
     lines = []
     for share in SHARES:
-        more = rng.standard_normal(training.lightmaps.shape, np.float32) * (noise * np.sqrt(share - 1))[None, :, None]
-        noisy = replace(training, lightmaps=(training.lightmaps + more).astype(np.float32))
-        learned = _learned(noisy, **settings)
-        # what is asked is how near the lightmaps of all rays are
+        more = rng.standard_normal(training.lightmaps.shape, np.float32) * spread * np.float32(np.sqrt(share - 1))
+        learned = _learned(replace(training, lightmaps=training.lightmaps + more), **settings)
         if learned:
             line = {"rays": 1 / share, "noise": float(own * np.sqrt(share))}
             lines.append(line | _errors(learned, training, unseen))

@@ -87,6 +87,7 @@ def _check_beside(config: Config) -> None:
         "data_driven.size": (options.size, config.atlas.size),
         "transfer.transport": (config.transfer.transport, "interreflected"),
         "data_driven.renderer": (options.renderer, BOUNCES),
+        "data_driven.bounces": (options.bounces, config.transfer.bounces),
         "data_driven.keyframes": (list(options.keyframes), []),
     }
     for key, (found, wanted) in expected.items():

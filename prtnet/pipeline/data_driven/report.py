@@ -19,9 +19,11 @@ Array = np.ndarray
 SHOWN_ELEMENTS = 16
 FILES = {
     "data_driven.safetensors": "basis, matrices and measurement points, for prtnet.data_driven.load",
-    "indirect.glsl": "the functions that measure, reduce and blend, to paste into a shader",
-    "indirect_basis.bin": "the basis textures that they read",
-    "page.html": "the scene with a light to move, one file that opens without a network",
+    "reduce.frag": "a shader that multiplies the direct light by the matrix",
+    "indirect.glsl": "the function prt_indirect, which blends the basis textures, to paste into a shader",
+    "indirect.frag": "the same as a whole shader that writes a lightmap",
+    "indirect_basis.exr": "the basis textures, one channel per element",
+    "data_driven.html": "the scene with a light to move, one file that opens without a network",
     "curves.json": "errors against elements, points, lambda and size of the database",
     "contact_sheet.png": "views under unseen lights, methods and errors",
     "basis.png": "the elements of the basis over the atlas",
@@ -29,8 +31,8 @@ FILES = {
     "score.json": "the scores below, for programs",
     "config.yaml": "every key of this run",
 }
-USAGE = """Per frame: `prt_measure` shades the measurement points, `prt_reduce` multiplies by the matrix, and
-`prt_indirect(uv)` blends the basis textures; add albedo / pi times it to what is lit directly. In Python:
+USAGE = """Per frame: shade the measurement points as the scene is shaded, multiply by the matrix (`reduce.frag`), and
+blend the basis textures at each pixel (`prt_indirect(uv)`): albedo / pi times it joins what is lit directly. In Python:
 `spec = prtnet.data_driven.load(file)`, then `prtnet.data_driven.indirect(spec, direct)`."""
 LIMITS = (
     "Lights like those it learned from: another scenario's are extrapolated, see experiments/data_driven.",
@@ -68,7 +70,7 @@ def _write(job: Job, made: Operator, scored: Scored) -> None:
     covered = list(scored.frames["covered"])
     sheet.contact_sheet(out / "contact_sheet.png", frames, reference=REFERENCE, covered=covered, title=title)
     few = min(made.spec.elements, SHOWN_ELEMENTS)
-    shown = {f"{first + 1}": elements(made, range(first, min(first + 4, few))) for first in range(0, few, 4)}
+    shown = {f"from {first + 1} on": elements(made, range(first, min(first + 4, few))) for first in range(0, few, 4)}
     sheet.grid(out / "basis.png", shown, ["", "", "", ""], title="The mean of the lightmaps, and what varies about it")
     pictures = {
         "Views under unseen lights, methods and 8 x their errors": out / "contact_sheet.png",

@@ -15,6 +15,10 @@ def run_alone(job: Job) -> None:
 
         curves.write(job, made)
         export(job, made)
+        if job.config.export.web:
+            from prtnet.pipeline.data_driven.page import write_page_of
+
+            write_page_of(job, made)
     if "score" in job.config.stages:
         from prtnet.pipeline.data_driven.report import report
         from prtnet.pipeline.data_driven.score import score_lights

@@ -22,8 +22,10 @@ from prtnet.data.lighting.lamp import Lighting
 from prtnet.data.lightmap import paths
 from prtnet.data.samples import Samples
 from prtnet.models.data_driven import projected
+from prtnet.pipeline.data_driven import options
 from prtnet.pipeline.data_driven.ground import Keyframe
 from prtnet.pipeline.data_driven.learn import Operator
+from prtnet.pipeline.data_driven.lights import UNSEEN, rng_of
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import TIMED_FRAMES
 from prtnet.pipeline.views import cameras_of
@@ -80,10 +82,10 @@ class Stage:
 
 def score_lights(job: Job, made: Operator) -> Scored:
     """Rows of all methods and the noise floor against the path tracer."""
-    options = job.config.data_driven
+    chosen = job.config.data_driven
     inputs = {
         "operator": made.key,
-        "tested": [options.tested_views, options.tested_lights, options.samples, options.bounces, job.config.seed],
+        "tested": [chosen.tested_views, chosen.tested_lights, chosen.samples, chosen.bounces, job.config.seed],
         "size": job.config.render.size,
         "camera": job.config.scene.camera,
         "columns": list(score.KEYS),
@@ -118,11 +120,11 @@ def _score(job: Job, made: Operator) -> tuple[dict[str, Array], dict[str, Any]]:
 
 def _pictures(job: Job, made: Operator, stages: Sequence[Stage]) -> list[Lit]:
     """Views of the scene's path, each under some unseen lights, evenly chosen."""
-    options, unseen = job.config.data_driven, made.unseen
-    count = min(options.tested_lights, len(unseen.lightings))
+    chosen, unseen = job.config.data_driven, made.unseen
+    count = min(chosen.tested_lights, len(unseen.lightings))
     lights = np.unique(np.linspace(0, len(unseen.lightings) - 1, count).round().astype(int))
     path = cameras_of(job)
-    eyes = [path[i] for i in np.unique(np.linspace(0, len(path) - 1, options.tested_views).round().astype(int))]
+    eyes = [path[i] for i in np.unique(np.linspace(0, len(path) - 1, chosen.tested_views).round().astype(int))]
     found = []
     for number in lights:
         keyframe = int(unseen.keyframe[number])
@@ -139,25 +141,60 @@ def _references(job: Job, made: Operator, pictures: Sequence[Lit], *, repeat: in
     for number, each in enumerate(pictures):
         together.setdefault((each.camera, each.keyframe), []).append(number)
     for numbers in together.values():
-        irradiance = _path_traced(job, made, [pictures[number] for number in numbers], repeat)
-        for number, values in zip(numbers, irradiance, strict=True):
-            gbuffer = pictures[number].gbuffer
-            found[number] = _image(gbuffer, gbuffer.albedo / np.pi * values)
+        few = [pictures[number] for number in numbers]
+        if job.config.data_driven.renderer == options.SUBSURFACE:
+            images = [_through_media(job, made, each, repeat) for each in few]
+        else:
+            irradiance = _path_traced(job, made, few, repeat)
+            images = [
+                _image(each.gbuffer, each.gbuffer.albedo / np.pi * values)
+                for each, values in zip(few, irradiance, strict=True)
+            ]
+        found |= dict(zip(numbers, images, strict=True))
     return [found[number] for number in range(len(pictures))]
+
+
+def _through_media(job: Job, made: Operator, shown: Lit, repeat: int) -> Image:
+    """By Mitsuba's own camera and integrator; what is not covered stays black, as in every method."""
+    from prtnet.data.lightmap import subsurface
+
+    chosen, eye = job.config.data_driven, shown.camera
+    keyframe, size = made.ground.keyframes[shown.keyframe], shown.gbuffer.size
+    inputs = _picture_inputs(job, keyframe, [shown]) | {"paths": [chosen.samples, chosen.density, repeat]}
+
+    def make() -> tuple[dict[str, Array], dict[str, Any]]:
+        places = (np.asarray(eye.eye), np.asarray(eye.target), np.asarray(eye.up), eye.fov_y)
+        found = subsurface.view(
+            keyframe.scene,
+            places,
+            shown.lighting,
+            size=size,
+            samples=chosen.samples,
+            density=chosen.density,
+            seed=int(rng_of(job, "paths", repeat).integers(1 << 31)),
+        )
+        return {"radiance": np.where(_covered(shown.gbuffer)[..., None], found, 0).astype(np.float32)}, {}
+
+    return job.store.make("paths", inputs, make).arrays["radiance"]
+
+
+def _picture_inputs(job: Job, keyframe: Keyframe, pictures: Sequence[Lit]) -> dict[str, Any]:
+    """What references of one view depend on, but for their paths."""
+    return job.scene_key | {
+        "camera": asdict(pictures[0].camera),
+        "size": pictures[0].gbuffer.size,
+        "lights": [lamp.to_dict(each.lighting) for each in pictures],
+        "pose": [asdict(pose) for pose in keyframe.pose],
+        "seed": job.config.seed,
+    }
 
 
 def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int) -> Float32[Array, "l n 3"]:
     """Irradiance of the covered pixels of one view under several lights."""
-    options, gbuffer = job.config.data_driven, pictures[0].gbuffer
+    chosen, gbuffer = job.config.data_driven, pictures[0].gbuffer
     keyframe = made.ground.keyframes[pictures[0].keyframe]
     points = Samples(gbuffer.positions.astype(np.float64), gbuffer.normals, gbuffer.geometric_normals, gbuffer.face)
-    inputs = job.scene_key | {
-        "camera": asdict(pictures[0].camera),
-        "size": gbuffer.size,
-        "lights": [lamp.to_dict(each.lighting) for each in pictures],
-        "pose": [asdict(pose) for pose in keyframe.pose],
-        "paths": [options.samples, options.bounces, job.config.seed, repeat],
-    }
+    inputs = _picture_inputs(job, keyframe, pictures) | {"paths": [chosen.samples, chosen.bounces, repeat]}
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
         with console.progress("path-traced reference", len(gbuffer.pixel), "pixels") as reach:
@@ -167,9 +204,9 @@ def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int)
                 points,
                 gbuffer.albedo,
                 [each.lighting for each in pictures],
-                samples=options.samples,
-                bounces=options.bounces,
-                rng=np.random.default_rng([job.config.seed, repeat]),
+                samples=chosen.samples,
+                bounces=chosen.bounces,
+                rng=rng_of(job, "paths", repeat),
                 threads=job.config.threads,
                 progress=reach,
             )
@@ -245,13 +282,12 @@ def _costs(made: Operator, stage: Stage, shown: Lit) -> dict[str, dict[str, Any]
 
 
 def _row(job: Job, made: Operator, metrics: score.Metrics, method: str, costs: Mapping[str, Any]) -> score.Row:
-    options = job.config.data_driven
-    light = "unseen " + ", ".join(options.lit_by or options.scenario)
+    light = "unseen " + ", ".join(options.kinds(job.config.data_driven, UNSEEN))
     return score.row(
         metrics,
         scene=job.scene.name,
         method=method,
-        material="diffuse" if made.spec.quantity == "irradiance" else options.renderer,
+        material="diffuse" if made.spec.quantity == "irradiance" else job.config.data_driven.renderer,
         light=light,
         reference=REFERENCE,
         **costs,

@@ -155,9 +155,9 @@ def test_fibres_against_the_path_integrator(mi, monkeypatch):
         "radiance",
         lambda made, start, *rest, **more: own(made, kept.setdefault("rays", start), *rest, **more),
     )
-    ours = hair.lightmaps(curves, [POINT], samples=128, seed=1)
+    ours = hair.lightmaps(curves, [POINT], samples=96, seed=1)
     made = hair.made_of(curves, extra=mitsuba.emitters(POINT))
-    theirs, error = by_integrator(mi, made, kept["rays"], 240, 128, "path")
+    theirs, error = by_integrator(mi, made, kept["rays"], 240, 96, "path")
     agree(ours.values[0], ours.noise, theirs, error, 0.04)
 
 

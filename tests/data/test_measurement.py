@@ -132,8 +132,9 @@ def test_a_hull_is_closed_smooth_and_at_its_distance():
     assert mesh.volume > 0
     assert mesh.body_count == 1
     away = Distance(scene).nearest(hull.vertices).distance
-    assert away.min() > 0.05
-    assert away.max() < 0.13
+    assert away.min() > 0.085
+    assert away.max() < 0.115
+    assert abs(np.median(away) - 0.1) < 0.002
     assert np.all(np.einsum("fi,fi->f", hull.face_normals, hull.normals[hull.faces].mean(axis=1)) > 0.5)
     assert not hull.two_sided.any()
 

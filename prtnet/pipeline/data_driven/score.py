@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from prtnet import console, data_driven, score
-from prtnet.data import texture
+from prtnet.data import texture, transfer
 from prtnet.data.bilinear import bilinear
 from prtnet.data.lighting import lamp
 from prtnet.data.lighting.lamp import Lighting
@@ -197,6 +197,7 @@ def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int)
     inputs = _picture_inputs(job, keyframe, pictures) | {"paths": [chosen.samples, chosen.bounces, repeat]}
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
+        distant = _transfer(job, keyframe, points, repeat) if keyframe.pages else None
         with console.progress("path-traced reference", len(gbuffer.pixel), "pixels") as reach:
             found = paths.radiance(
                 keyframe.tracer,
@@ -207,12 +208,21 @@ def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int)
                 samples=chosen.samples,
                 bounces=chosen.bounces,
                 rng=rng_of(job, "paths", repeat),
+                transfer_of=distant,
                 threads=job.config.threads,
                 progress=reach,
             )
         return {"irradiance": found.direct + found.indirect}, {"noise": float(np.mean(found.noise))}
 
     return job.store.make("paths", inputs, make).arrays["irradiance"]
+
+
+def _transfer(job: Job, keyframe: Keyframe, points: Samples, repeat: int) -> Float[Array, "n k"]:
+    """Of pixels, so that light from far away is exact where it is direct."""
+    places, options = (points.positions, points.normals), job.config.transfer
+    rays = {"directions": job.config.render.traced_directions, "rng": rng_of(job, "pixels", repeat)}
+    chosen = {"bands": options.bands, "kind": options.kind, "threads": job.config.threads}
+    return transfer.bake(keyframe.tracer, *places, geometric_normals=points.geometric_normals, **rays, **chosen)
 
 
 def _drawn(made: Operator, stages: Sequence[Stage], pictures: Sequence[Lit]) -> dict[str, list[Image]]:

@@ -6,9 +6,9 @@ from prtnet.data_driven import DataDriven, Measurement
 
 
 def measurement(rng, points: int, coefficients: int = 0) -> Measurement:
-    near = [rng.uniform(-1, 1, (points, 2, 3)).astype(np.float32) for _ in range(3)]
+    positions, normals, geometric = (rng.uniform(-1, 1, (points, 2, 3)).astype(np.float32) for _ in range(3))
     transfer = rng.normal(size=(points, coefficients, 3)).astype(np.float32)
-    return Measurement(*near, rng.random((points, 2, 3), np.float32), transfer)
+    return Measurement(positions, normals, geometric, rng.random((points, 2, 3), np.float32), transfer)
 
 
 def random_spec(

@@ -2,8 +2,8 @@
 
 Yuksel 2015, *Sample Elimination for Generating Poisson Disk Sample Sets*: while there are too many points, the one that
 is most crowded goes. A neighbour at distance d counts (1 - d / s)^8 up to a reach s of 3 r, r the largest radius that
-so many Poisson disks can have (2 r in the paper). Weight limiting takes distances below s beta (1 - (kept / given)^1.5)
-for that one.
+so many Poisson disks can have (2 r in the paper). Weight limiting takes s beta (1 - (kept / given)^1.5) for distances
+below that.
 
 Points have a side: distances are those of positions and, r times, of unit normals, so that the two sides of a sheet are
 2 r apart, however thin it is.
@@ -25,6 +25,7 @@ REACH = 1.5
 BETA = 0.3
 GAMMA = 1.5
 ALPHA = 8  # of the weight
+ROUNDS = 30  # of a fixed point
 
 
 def eliminate(
@@ -50,9 +51,12 @@ def eliminate(
 def largest_radius(count: int, area: float, extent: Float[Array, " 3"]) -> float:
     """The largest radius of `count` Poisson disks on an area (Yuksel 2015, eq. 2), or that of spheres (eq. 3) in the
     box `extent` where it comes first: there surfaces fill the box, as hair does."""
-    disks = sqrt(area / (2 * sqrt(3) * count))
-    # spheres reach out of the box that their centres lie in
-    return min(disks, (float(np.prod(extent + 2 * disks)) / (4 * sqrt(2) * count)) ** (1 / 3))
+    radius = disks = sqrt(area / (2 * sqrt(3) * count))
+    for _ in range(ROUNDS):
+        # spheres reach out of the box that their centres lie in
+        spheres = (float(np.prod(extent + 2 * radius)) / (4 * sqrt(2) * count)) ** (1 / 3)
+        radius = min(disks, spheres)
+    return radius
 
 
 def _level(

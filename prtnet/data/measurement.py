@@ -43,8 +43,7 @@ def on_surface(
 
     Prefixes are well spread as well. Both sides of two-sided faces count; what lies on other surfaces does not, nor do
     the outer walls of a room, nor what is not `reached` by any of the lights that are measured. The transfer is left
-    empty. Raises PrtnetError for a count or supersampling below 1 or too large, and where there are too few surfaces
-    that are not hidden.
+    empty. Raises PrtnetError for a count or supersampling below 1 or too large, and where too little surface is left.
     """
     _check_counts(count, supersampling)
     wanted = count * max(SPARE * supersampling, CANDIDATES) * (1 if reached is None else UNREACHED)

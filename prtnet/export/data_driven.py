@@ -22,16 +22,18 @@ from prtnet.data import texture
 from prtnet.data.quantise import Stored
 from prtnet.data.texture import Page
 from prtnet.data_driven import DataDriven
-from prtnet.export import certificate, glsl
+from prtnet.export import certificate, glsl, lamps
 from prtnet.export.spelling import number, quads, vector
 from prtnet.export.texture_file import write_exr
 
 Array = np.ndarray
 
 SPEC, EXR = "data_driven.safetensors", "indirect_basis.exr"
-# to paste: reduce.frag as a whole; prt_indirect, and a whole shader that writes it for each texel
+# of lamps (`export.lamps`): the function, and the passes that make the direct vector of it
+DIRECT, MEASURE, AVERAGE = "direct.glsl", "measure.frag", "average.frag"
+# the passes of this module: the function to paste, and a whole shader that writes it for each texel
 REDUCE, BLEND, TEXELS = "reduce.frag", "indirect.glsl", "indirect.frag"
-NAMES = (SPEC, EXR, REDUCE, BLEND, TEXELS)
+NAMES = (SPEC, EXR, DIRECT, MEASURE, AVERAGE, REDUCE, BLEND, TEXELS)
 COLOURS = ("red", "green", "blue")
 # where prt_indirect finds coefficients: in a uniform array, in a uniform block, or in the texture that reduce drew
 HELD = ("uniform", "block", "texture")
@@ -49,7 +51,8 @@ def reduce(spec: DataDriven) -> str:
     Texel j of the texture `prt_direct`, row by row from (0, 0) on, is x_j; `prt_matrix` is `matrix_texels`.
     """
     count = spec.matrices.shape[3]
-    rows = [f"texelFetch(prt_matrix, ivec2(q, element + {bank * width(spec)}), 0)" for bank in range(_banks(spec))]
+    firsts = ["element"] + [f"element + {bank * width(spec)}" for bank in range(1, _banks(spec))]
+    rows = [f"texelFetch(prt_matrix, ivec2(q, {first}), 0)" for first in firsts]
     taken = "mat4x3(prt_light(4 * q), prt_light(4 * q + 1), prt_light(4 * q + 2), prt_light(4 * q + 3))"
     if len(rows) == 1:
         step = [f"sum += {taken} * {rows[0]};"]
@@ -60,8 +63,8 @@ def reduce(spec: DataDriven) -> str:
     if spec.gamma != 1:
         found = f"pow(max({found}, 0.0), vec3({number(1 / spec.gamma)}))"
     lines = [
-        "uniform highp sampler2D prt_direct;",
-        "uniform highp sampler2D prt_matrix;",
+        f"uniform highp sampler2D prt_direct;  // texel j, row by row: direct light at point j of {count}",
+        "uniform highp sampler2D prt_matrix;  // texel (q, i): M[i, 4 q to 4 q + 3] / scale",
         "out vec4 colour;",
         "vec3 prt_light(int j) {",
         f"  if (j >= {count}) return vec3(0.0);",
@@ -101,7 +104,9 @@ def indirect(spec: DataDriven, *, held: str = "uniform", stored: Stored | None =
     """
     assert held in HELD, held
     layers, banks = quads(spec.elements), _banks(spec)
-    lines = ["uniform highp sampler2DArray prt_basis;", *_declared(held, layers), "vec3 prt_indirect(vec2 uv) {"]
+    about = f"// {spec.quantity}; layer q: scale times elements 4 q to 4 q + 3" + ", bank by bank" * (banks > 1)
+    lines = [f"uniform highp sampler2DArray prt_basis;  {about}", *_declared(held, layers)]
+    lines += ["vec3 prt_indirect(vec2 uv) {"]
     sums: list[list[str]] = [[] for _ in range(banks)]
     for layer in range(layers):
         matrix = f"u{layer}"
@@ -109,7 +114,7 @@ def indirect(spec: DataDriven, *, held: str = "uniform", stored: Stored | None =
         lines += [f"  mat3x4 v{layer} = transpose({matrix});"] * (banks > 1)
         for bank in range(banks):
             basis = _texel(bank * layers + layer, stored)
-            term = f"{matrix} * ({basis})" if banks == 1 else f"dot(v{layer}[{bank}], {basis})"
+            term = f"{matrix} * {basis}" if banks == 1 else f"dot(v{layer}[{bank}], {basis})"
             sums[bank].append(term)
     joined = ", ".join(" + ".join(terms) for terms in sums)
     lines += [f"  vec3 sum = {joined};" if banks == 1 else f"  vec3 sum = vec3({joined});"]
@@ -120,8 +125,9 @@ def indirect(spec: DataDriven, *, held: str = "uniform", stored: Stored | None =
 def _declared(held: str, layers: int) -> list[str]:
     if held == "block":
         return [f"layout(std140) uniform {BLOCK} {{ highp vec4 prt_coefficients[{4 * layers}]; }};"]
-    kind = "highp sampler2D prt_coefficients" if held == "texture" else f"highp mat4x3 prt_coefficients[{layers}]"
-    return [f"uniform {kind};"]
+    if held == "texture":
+        return ["uniform highp sampler2D prt_coefficients;"]
+    return [f"uniform highp mat4x3 prt_coefficients[{layers}];  // column i of matrix q: u / scale of element 4 q + i"]
 
 
 def _matrix(held: str, layer: int) -> str:
@@ -142,7 +148,7 @@ def _texel(layer: int, stored: Stored | None) -> str:
     if stored is None or stored.levels[0].dtype != np.uint8:
         return found
     four = slice(4 * layer, 4 * layer + 4)
-    return f"{found} * {vector('vec4', stored.scale[four])} + {vector('vec4', stored.offset[four])}"
+    return f"({found} * {vector('vec4', stored.scale[four])} + {vector('vec4', stored.offset[four])})"
 
 
 def whole(spec: DataDriven, text: str) -> str:
@@ -175,6 +181,9 @@ def files(spec: DataDriven, version: str = "330") -> dict[str, str]:
     """The texts of an export by the names of their files."""
     text = indirect(spec)
     return {
+        DIRECT: lamps.functions(),
+        MEASURE: glsl.whole(version, lamps.measured()),
+        AVERAGE: glsl.whole(version, lamps.AVERAGED),
         REDUCE: glsl.whole(version, reduce(spec)),
         BLEND: text,
         TEXELS: glsl.whole(version, whole(spec, text)),
@@ -205,14 +214,14 @@ def write(folder: Path, spec: DataDriven, measured: Mapping[str, Any], *, versio
     certificate.remove(folder, NAMES)
     certificate.refuse(measured["errors"])
     texts = files(spec, version)
-    checked = [glsl.validate(texts[name]) is not None for name in (REDUCE, TEXELS)]
+    checked = [glsl.validate(texts[name]) is not None for name in texts if name.endswith(".frag")]
     for name, text in texts.items():
         store.write_text(folder / name, text)
     data_driven.save(spec, folder / SPEC)
     image = basis_page(spec).levels[0].reshape(spec.size, spec.size, _banks(spec), -1)[..., : spec.elements]
     flat = image.reshape(spec.size, spec.size, -1)
     write_exr(folder / EXR, [flat], half=True, names=[""], channels=channel_names(spec))
-    form = {"version": version, "texels": "float16", "language": "GLSL"}
+    form = {"version": version, "texels": "float16"}
     certificate.write(folder, {"data_driven": facts(spec), "form": form, **measured, "validated": all(checked)}, NAMES)
 
 

@@ -36,8 +36,9 @@ WIDE = 0.5
 SLOPE_BIAS, DEPTH_BIAS = 1.5, 1.0
 # steps off the surface in texels: always, and times |n_u| + |n_v|
 LIFT, LIFT_SLOPE = 0.1, 0.25
-# maps are this much wider than what is looked up in them, so that filters and steps stay inside
-MARGIN = 1.02
+# maps are this much wider than what is looked up in them, so that filters and steps stay inside; with at least
+# `LEAST_SIZE` texels along a side the border of a directional lamp's map is free of casters
+MARGIN, LEAST_SIZE = 1.02, 64
 # shortest distance to the plane that cuts off what is too near a lamp, in unit coordinates
 NEAR = 0.005
 
@@ -69,8 +70,7 @@ float prt_lit(int face, vec3 position, vec3 geometric) {
   float texel = 2.0 * away * scale / float(textureSize(shadow_map, 0).x);
   vec4 clip = map * vec4(position + texel * (LIFT + LIFT_SLOPE * slant) * geometric, 1.0);
   vec3 place = 0.5 * clip.xyz / clip.w + 0.5;
-  // beside the map of a directional lamp nothing is in the way
-  if (any(greaterThan(abs(place.xy - 0.5), vec2(0.5)))) return 1.0;
+  // behind the map of a directional lamp is what its last depth sees; beside it nothing, and its border sees nothing
   return texture(shadow_map, vec4(place.xy, float(face), min(place.z, 1.0)));
 }
 
@@ -96,7 +96,14 @@ vec3 prt_of_lamp(int lamp, vec3 position, vec3 normal, vec3 geometric) {
 
 vec3 prt_direct(vec3 position, vec3 normal, vec3 geometric) {
   vec3 sum = vec3(0.0);
-  for (int lamp = 0; lamp < lamp_count; ++lamp) sum += prt_of_lamp(lamp, position, normal, geometric);
+  int lamp = 0;
+  // a test at the end: processors that run several pixels at once run the whole body before they heed one on top
+  if (lamp_count > 0) {
+    do {
+      sum += prt_of_lamp(lamp, position, normal, geometric);
+      ++lamp;
+    } while (lamp < lamp_count);
+  }
   return sum;
 }
 """

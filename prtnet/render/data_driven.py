@@ -133,7 +133,7 @@ def distant(measurement: Measurement, light: Float[Array, "k 3"]) -> Float64[Arr
 class DataDrivenTexture(Shaded):
     """Light from far away alone: direct transfer from textures over the atlas, what bounces from the operator.
 
-    `pages`: of the direct group alone. Gloss takes the direct transfer, as other methods with light between surfaces.
+    `pages`: direct transfer, which is also what gloss takes.
     """
 
     raster: Raster
@@ -154,10 +154,10 @@ class DataDrivenTexture(Shaded):
             raise PrtnetError(
                 f"data-driven: found a basis of {spec.quantity}, expected one of irradiance beside a transfer texture"
             )
+        channels = pages[0].levels[0].shape[2]
         self.map = TransferMap(raster.atlas, pages, texels, level_of_detail)
         self.operator = Indirect(spec, texels=basis_texels)
         self.bytes = self.map.bytes + self.operator.bytes
-        channels = pages[0].levels[0].shape[2]
         source = self.map.declarations + self.operator.text
         super().__init__(raster, range(channels, channels + 1), source, self.map.statements, material)
 

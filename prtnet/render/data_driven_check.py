@@ -16,7 +16,8 @@ from prtnet.render.indirect import Indirect
 
 Array = np.ndarray
 
-TOLERANCE = 1e-5  # of sums of float32, as a share of the sum of what is added, without signs
+TOLERANCE = 1e-6  # of sums of float32, as a share of the sum of what is added, without signs
+POWER = 1e-5  # where light goes to another space and back: the drivers' powers
 
 
 def errors_and_timing(
@@ -89,15 +90,16 @@ def _errors(drawn: _Drawn, direct: Float[Array, "m 3"], keyframe: int) -> dict[s
     size = replace(kept, matrices=np.abs(kept.matrices), basis=np.abs(kept.basis), gamma=1.0)
     light = np.abs(data_driven.to_space(direct.astype(np.float64), spec.gamma))
     reach, texel_reach = data_driven.coefficients(size, light, keyframe), data_driven.indirect(size, light, keyframe)
-    share = TOLERANCE + spec.size * 2.0**-23  # coordinates of texels are rounded as well
-    bound = share * float(texel_reach.max())
+    share = TOLERANCE if spec.gamma == 1 else POWER
+    of_texels = share + spec.size * 2.0**-23  # their coordinates are rounded as well
+    bound = of_texels * float(texel_reach.max())
     if spec.gamma != 1:
         # (a + e)^g - a^g
         most = float(twin.max()) ** (1 / spec.gamma)
         bound = (most + bound) ** spec.gamma - most**spec.gamma
     return {
         "rounding of the basis": error_of(twin - exact),
-        "coefficients": error_of(drawn.operator.coefficients() - u) | {"bound": TOLERANCE * float(reach.max())},
+        "coefficients": error_of(drawn.operator.coefficients() - u) | {"bound": share * float(reach.max())},
         "texels": error_of(found - twin) | {"bound": bound},
     }
 

@@ -69,7 +69,7 @@ class LampMethod:
             DIFFUSE=number(1 / math.pi),
             **({"GLOSS": leaving} if leaving else {}),
         )
-        self.draws = raster.draws(self.program)
+        self.draws, self._lighting = raster.draws(self.program), Lighting()
 
     def draw(self, camera: Camera, lighting: Lighting) -> Float32[Array, "h w 3"]:
         """The image under a lighting."""
@@ -101,6 +101,7 @@ class LampMethod:
                 f" {self.coefficients}, which is what the transfer textures have"
             )
         self.shadows.draw(lighting)
+        self._lighting = lighting
         held = getattr(self.program.get("light", None), "array_length", 0)
         padded = np.zeros((4 * held, 3), np.float32)
         padded[: len(distant)] = distant[: len(padded)]
@@ -120,6 +121,8 @@ class LampMethod:
             if self.map:
                 self.map.bind(self.program, group.page, camera, self.raster.size)
 
+        # others may have drawn the same maps for another light since
+        self.shadows.draw(self._lighting)
         self.bind()
         self.raster.render(self.program, self.draws, camera, prepass=prepass, before=before)
 

@@ -25,8 +25,8 @@ class ShadowMaps:
         # room: lamps that a shader knows at once
         context, unit_scene = gl.context(), scene.centred()
         limit = context.info["GL_MAX_TEXTURE_SIZE"]
-        if not 16 <= size <= limit:
-            raise PrtnetError(f"shadow maps: found a size of {size} texels, expected 16 to {limit}")
+        if not lamps.LEAST_SIZE <= size <= limit:
+            raise PrtnetError(f"shadow maps: found a size of {size} texels, expected {lamps.LEAST_SIZE} to {limit}")
         self.size, self.room = size, room
         faces = unit_scene.faces
         if unit_scene.face_origin is not None:
@@ -41,6 +41,7 @@ class ShadowMaps:
         self._framebuffer = context.framebuffer(depth_attachment=context.depth_renderbuffer((size, size)))
         self._map, self._layers = _layers(size, lamps.FACES), lamps.FACES
         self._drawn: tuple[Any, ...] | None = None
+        self._lighting: Lighting | None = None
         self.uniforms: dict[str, Any] = lamps.uniforms(Lighting(), [], room)
 
     def draw(self, lighting: Lighting, *, again: bool = False) -> None:
@@ -48,10 +49,12 @@ class ShadowMaps:
 
         Raises PrtnetError for more lamps than there is room for.
         """
+        if lighting is self._lighting and not again:
+            return
         lamps.check(lighting, self.room)
         matrices = [lamps.shadow_matrices(lamp, self.box) for lamp in lighting.lamps]
         self.uniforms = lamps.uniforms(lighting, matrices, self.room)
-        placed = tuple(_place(lamp) for lamp in lighting.lamps)
+        self._lighting, placed = lighting, tuple(_place(lamp) for lamp in lighting.lamps)
         if placed == self._drawn and not again:
             return
         needed = lamps.FACES * len(matrices)
@@ -79,7 +82,10 @@ class ShadowMaps:
     def bind(self, program: moderngl.Program, unit: int = UNIT) -> None:
         """Have a program with `export.lamps.functions` see the lamps and maps that were drawn last."""
         self._map.use(unit)
-        gl.put(program, **self.uniforms)
+        # compilers leave out the end of an array that nothing reads
+        held = {name: getattr(program.get(name, None), "array_length", 0) for name in self.uniforms}
+        arrays = {name: v[: held[name]] for name, v in self.uniforms.items() if isinstance(v, np.ndarray)}
+        gl.put(program, **(self.uniforms | arrays))
         found = program.get("shadow_map", None)
         if isinstance(found, moderngl.Uniform):
             # moderngl sets no uniforms of this kind of sampler

@@ -21,7 +21,7 @@ from prtnet.export.web_data_driven import PageLamp
 from tests.export.pages import LOOK
 from tests.operators import random_spec
 
-SIDE, POINTS, SAMPLES, ELEMENTS = 48, 30, 4, 6
+SIDE, POINTS, SAMPLES, ELEMENTS = 64, 30, 4, 6
 LAMPS = (
     Lamp("point", (1.2, 1.0, 0.7), position=(0.3, 0.6, 0.5)),
     Lamp("spot", (3.0, 3.5, 4.0), position=(-0.4, 0.5, 0.8), aim=(0.36, -0.48, -0.8), inner=15, outer=28),

@@ -59,6 +59,7 @@ def made_spec(*, coefficients=0, **more) -> DataDriven:
 
 def bounced(spec: DataDriven, found: GBuffer, direct: np.ndarray, keyframe: int = 0) -> np.ndarray:
     """The operator's light at the covered pixels, by bilinear look-ups in NumPy."""
+    assert found.uv is not None
     u = data_driven.coefficients(spec, direct, keyframe)
     basis = np.broadcast_to(spec.basis, (3, *spec.basis.shape[1:]))
     looked = np.stack([bilinear(data_driven.image(spec, bank.T), found.uv) for bank in basis], axis=2)

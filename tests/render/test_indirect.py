@@ -93,7 +93,7 @@ def test_certificate(banks, gamma, tmp_path):
     ("function", "change", "what"),
     [
         ("reduce", ("4 * q + 1", "4 * q + 2"), "coefficients"),
-        ("indirect", ("u1 * (", "1.001 * u1 * ("), "texels"),
+        ("indirect", ("u1 * texture", "1.0001 * u1 * texture"), "texels"),
         ("indirect", ("max(sum, 0.0)", "sum"), "texels"),
     ],
 )

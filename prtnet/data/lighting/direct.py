@@ -128,7 +128,5 @@ def _check(lightings: Sequence[Lighting], positions: Array, transfer: Array | No
             f"direct light: found an environment of {longest} SH coefficients and a transfer of {given}, expected the"
             " points' transfer with at least as many"
         )
-    if transfer is not None and len(transfer) != len(positions):
-        raise PrtnetError(f"direct light: found the transfer of {len(transfer)} points, expected {len(positions)}")
     if not np.isfinite(positions).all():
         raise PrtnetError("direct light: found positions that are not finite")

@@ -23,8 +23,10 @@ RAYS = 64  # from a place, in all directions
 INSIDE = 0.5  # share of a place's rays that must say so
 LAYERS = 64  # surfaces that a ray meets, at most
 CLEAR = 0.25  # unit lengths between a lamp drawn at random and any surface
+CLEARER = 75  # percent of the free places in a room that are nearer, at most
+NEAR = 0.02  # unit lengths: places nearer to a surface see little else
 HIDDEN = 0.01  # unit lengths: points that see no further, as on the bottom of what stands on a floor, have no light
-ROOM = 0.6  # share of directions in which the middling free place of a room sees a surface
+ROOM = 0.7  # share of directions in which the middling free place of a room sees a surface
 WITHIN = 0.7  # of that share, which places in a room have at least
 INNER = 0.3  # of that share, which points on the surfaces of a room have at least
 TRIED = 512  # places that a scene is known as a room by
@@ -56,17 +58,30 @@ class Places:
         self._fans = fibonacci(RAYS)
 
     @cached_property
-    def room(self) -> float:
-        """Share of directions in which the middling free place in the scene's box sees surfaces; 0 for no room."""
+    def _within(self) -> tuple[Float64[Array, "n 3"], Float64[Array, " n"]]:
+        """(free places in the scene's box, their enclosure)."""
         low, high = self.scene.vertices.min(axis=0), self.scene.vertices.max(axis=0)
         places = np.random.default_rng(0).uniform(low, high, (TRIED, 3))
-        places = places[self.free(places)]
-        share = float(np.median(self.enclosure(places))) if len(places) else 0.0
+        places = places[self.free(places, NEAR)]
+        return places, self.enclosure(places)
+
+    @cached_property
+    def room(self) -> float:
+        """Share of directions in which the middling free place in the scene's box sees surfaces; 0 for no room."""
+        _, enclosure = self._within
+        share = float(np.median(enclosure)) if len(enclosure) else 0.0
         return share if share > ROOM else 0.0
 
-    def free(self, positions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
-        """Whether a lamp may be put there: clear of surfaces, in no solid."""
-        found = self.distance(positions) >= CLEAR
+    @cached_property
+    def clear(self) -> float:
+        """How far from all surfaces lamps are drawn: what light they send there stays of the order of the mean."""
+        places, enclosure = self._within
+        inner = places[enclosure >= WITHIN * self.room]
+        return min(CLEAR, float(np.percentile(self.distance(inner), CLEARER))) if self.room else CLEAR
+
+    def free(self, positions: Float[Array, "n 3"], clear: float) -> Bool[Array, " n"]:
+        """Whether a lamp may be put there: `clear` or more from all surfaces, in no solid."""
+        found = self.distance(positions) >= clear
         found[found] = ~self.inside(positions[found])
         return found
 
@@ -101,8 +116,7 @@ class Places:
 
     def enclosure(self, positions: Float[Array, "n 3"]) -> Float64[Array, " n"]:
         """Share of all directions in which one sees a surface."""
-        face = self._first(positions)
-        return np.mean(face >= 0, axis=1)
+        return np.mean(self._first(positions) >= 0, axis=1)
 
     def inside(self, positions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
         """Whether places are within a solid: most rays see its faces from behind, or leave more faces than they enter.

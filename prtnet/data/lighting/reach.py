@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from prtnet import PrtnetError
 from prtnet.data.lighting import direct
 from prtnet.data.lighting.lamp import Lamp
-from prtnet.data.lighting.placing import CLEAR, WITHIN, Places
+from prtnet.data.lighting.placing import WITHIN, Places
 from prtnet.data.samples import area_uniform, select
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
@@ -22,7 +22,7 @@ POINTS = 256  # by which a light is judged
 CANDIDATES = 2048
 SHELL = 0.8  # unit lengths around the box of a scene that is no room
 POOL = 256  # places that are looked at together
-TRIES = 16  # pools without a place
+LEAST_CLEAR = 0.02  # unit lengths between a lamp and any surface, where there is no more room
 
 
 class Reach:
@@ -57,19 +57,20 @@ class Reach:
         return direct.from_lamp(lamp, self.tracer, places, normals, sides, starts)
 
     def _pool(self) -> Iterator[Float64[Array, " 3"]]:
-        failed, room = 0, self._around.room
-        while failed < TRIES:
+        clear, room = self._around.clear, self._around.room
+        while clear > LEAST_CLEAR:
             inner, outer = self._proposed(0.0), self._proposed(SHELL)
             around = self._rng.random(POOL) < 0.5
             found = inner if room else np.where(around[:, None], outer, inner)
-            found = found[self._around.free(found)]
+            found = found[self._around.free(found, clear)]
             if room and len(found):
                 found = found[self._around.enclosure(found) >= WITHIN * room]
-            failed = 0 if len(found) else failed + 1
+            # in a narrow scene nearer to its surfaces
+            clear = clear if len(found) else clear * 0.8
             yield from found
         raise PrtnetError(
-            f"{self.scene.name}: found no free place for a lamp, {CLEAR} unit lengths from every surface and outside of"
-            " solids, expected a scene with room in it or around it"
+            f"{self.scene.name}: found no free place for a lamp, {LEAST_CLEAR} unit lengths from every surface and"
+            " outside of solids, expected a scene with room in it or around it"
         )
 
     def _proposed(self, margin: float) -> Float64[Array, "n 3"]:

@@ -38,7 +38,7 @@ def indirect(
     points: Samples,
     albedo: Float[Array, "t 3"],
     surface: Surface,
-    direct: Float32[Array, "c t 3"],
+    direct: Float32[Array, "c _ 3"],
     *,
     bounces: int = 4,
     directions: int = 512,

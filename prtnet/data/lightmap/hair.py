@@ -20,6 +20,7 @@ from prtnet.data.lighting.lamp import Lighting
 from prtnet.data.lightmap import many_lights, mitsuba
 from prtnet.data.lightmap.rendered import Rendered
 from prtnet.data.lightmap.strands import TEXELS, Strands, blend, texels, text
+from prtnet.data.normals import face_cross
 from prtnet.data.part import Part
 
 Array = np.ndarray
@@ -36,10 +37,10 @@ BOUNCES = 32
 class Fibre:
     """What hair is made of."""
 
-    eumelanin: float = 0.35  # the pigment of brown and black hair, in Mitsuba's units of concentration
-    pheomelanin: float = 0.6  # that of red hair
-    longitudinal_roughness: float = 0.3  # 0 to 1, along the fibre
-    azimuthal_roughness: float = 0.3  # 0 to 1, around it
+    eumelanin: float = 0.15  # the pigment of brown and black hair, in Mitsuba's units of concentration
+    pheomelanin: float = 0.25  # that of red hair
+    longitudinal_roughness: float = 0.5  # 0 to 1, along the fibre
+    azimuthal_roughness: float = 0.5  # 0 to 1, around it
     scale_tilt: float = 2.0  # of the scales on its surface, in degrees
 
 
@@ -159,7 +160,8 @@ def made_of(
     """The scene for Mitsuba: the strands as B-splines, and the body."""
     mi = mitsuba.module()
     own = fibre or Fibre()
-    if min(asdict(own).values()) < 0 or not 0 < max(own.longitudinal_roughness, own.azimuthal_roughness) <= 1:
+    rough = own.longitudinal_roughness, own.azimuthal_roughness
+    if min(asdict(own).values()) < 0 or not 0 < min(rough) <= max(rough) <= 1:
         raise PrtnetError(f"hair: found {own}, expected pigments of at least 0 and roughness above 0 and up to 1")
     things: dict[str, Any] = {"type": "scene", **(extra or {})}
     if body is not None:
@@ -174,8 +176,7 @@ def made_of(
 
 
 def _normals(body: Part) -> Float64[Array, "v 3"]:
-    from prtnet.data.normals import face_cross
-
+    """Of vertices, by the areas around them."""
     cross = face_cross(body.vertices, body.faces)
     sums = np.zeros_like(np.asarray(body.vertices, np.float64))
     for corner in range(3):

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
-from prtnet import PrtnetError, console, data_driven, score, store
+from prtnet import PrtnetError, console, data_driven, store
 from prtnet.data import surface, texture
 from prtnet.data.atlas import Atlas
 from prtnet.data.lighting import direct
 from prtnet.data.lighting.lamp import Lamp, Lighting
 from prtnet.data.tracer import Tracer
-from prtnet.data_driven import DataDriven
+from prtnet.data_driven import DataDriven, Measurement
 from prtnet.export import web_data_driven
 from prtnet.export.browser import Browser
 from prtnet.export.web_data_driven import PageLamp
@@ -25,6 +25,7 @@ from prtnet.pipeline.data_driven.learn import Operator
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.views import cameras_of
 from prtnet.pipeline.web import FRAME, measured, started, timed
+from prtnet.render.camera import Camera
 
 log = logging.getLogger(__name__)
 Array = np.ndarray
@@ -33,6 +34,10 @@ NAME = "data_driven.html"
 OFFERED = 6  # lights of the database, with their lightmaps
 # of u and of texels for the direct light of rays, as shares of the largest: texels are floats of 16 bits
 BOUNDS = {"coefficients": 1e-4, "texels": 2e-3}
+# percentile of the texels that is just not white: what is next to a lamp may be
+EXPOSED = 95
+# where the database has no lamp
+SUN = Lamp("directional", (3.0, 3.0, 3.0), aim=(0.36, -0.8, -0.48))
 # shadow maps have an edge of texels, but no more than so many root mean squares of direct light lie on it
 APART = 0.5
 
@@ -66,9 +71,10 @@ def write_page(
         raise PrtnetError(
             f"web page: found data-driven transfer of another scene than {job.scene.name}, expected that of this one"
         )
-    eye = cameras_of(job)[0]
+    tracer = tracer or job.tracer
+    lights = _lights(spec, atlas, tracer, lightings, lightmaps)
+    eye = _clearest(cameras_of(job), spec.measurements[0], tracer, lights)
     look = Look(eye.eye, eye.target, eye.fov_y)
-    lights = _lights(spec, atlas, tracer or job.tracer, look, lightings, lightmaps)
 
     def made(certificate: Certificate) -> str:
         return web_data_driven.page(
@@ -125,14 +131,12 @@ def _lights(
     spec: DataDriven,
     atlas: Atlas,
     tracer: Tracer,
-    look: Look,
     lightings: Sequence[Lighting],
     lightmaps: Float32[Array, "l t 3"] | None,
 ) -> list[PageLamp]:
-    """Lights of the database that are one lamp, of each kind in turns; a directional one from the camera's shoulder
-    where there is none."""
+    """Lights of the database that are one lamp, of each kind in turns; one from above where there is none."""
     chosen = _in_turns(lightings)
-    lamps = [lightings[row].lamps[0] for row in chosen] or [_from_the_shoulder(look)]
+    lamps = [lightings[row].lamps[0] for row in chosen] or [SUN]
     maps = [None if lightmaps is None else lightmaps[row] for row in chosen] or [None]
     page = texture.gbuffer(atlas, spec.size)
     albedo = surface.texel_albedo(atlas, [page])
@@ -145,7 +149,7 @@ def _lights(
         if spec.quantity == "irradiance":
             received = direct.irradiance(one, tracer, page.positions, page.normals, page.geometric_normals)
             shown = albedo / np.pi * (received + arriving)
-        exposure = score.exposure([np.asarray(shown)[None]], [np.ones((1, len(shown)), bool)])
+        exposure = 0.9 / max(float(np.percentile(np.max(shown, axis=1), EXPOSED)), 1e-6)
         name = f"{number}: {lamp.kind}" if chosen else lamp.kind
         found.append(PageLamp(name, lamp, exposure, lightmap, vector))
     return found
@@ -161,11 +165,24 @@ def _in_turns(lightings: Sequence[Lighting]) -> list[int]:
     return [row for _, row in sorted(ranked)[:OFFERED]]
 
 
-def _from_the_shoulder(look: Look) -> Lamp:
-    ahead = np.asarray(look.target) - np.asarray(look.eye)
-    aim = ahead / np.linalg.norm(ahead) + (0.3, -0.8, 0)
-    x, y, z = (float(value) for value in aim / np.linalg.norm(aim))
-    return Lamp("directional", (3.0, 3.0, 3.0), aim=(x, y, z))
+def _clearest(cameras: Sequence[Camera], points: Measurement, tracer: Tracer, lights: Sequence[PageLamp]) -> Camera:
+    """The first of the views that show most of what the lamps light: a box is dark from behind."""
+    places, sides = points.positions[:, 0], points.geometric_normals[:, 0]
+    lit = np.zeros(points.count)
+    for light in lights:
+        assert light.direct is not None
+        lit += light.direct.max(axis=1) > 0.1 * light.direct.max(axis=1).mean()
+    shown = []
+    for camera in cameras:
+        away = np.asarray(camera.eye) - places
+        distance = np.linalg.norm(away, axis=1)
+        across, upwards, depth = camera.basis() @ away.T
+        half = math.tan(math.radians(camera.fov_y / 2)) * depth
+        seen = (np.einsum("ni,ni->n", away, sides) > 0) & (np.maximum(abs(across), abs(upwards)) < half)
+        aims = (away / np.maximum(distance, 1e-9)[:, None]).astype(np.float32)
+        clear = tracer.hits(tracer.origins(places.astype(np.float64), sides), aims)[2] >= distance - 0.01
+        shown.append(float(lit[seen & clear].sum()))
+    return cameras[int(np.argmax(shown))]
 
 
 def measured_by_rays(spec: DataDriven, tracer: Tracer, lighting: Lighting) -> Float32[Array, "m 3"]:

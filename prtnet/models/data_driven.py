@@ -26,7 +26,7 @@ Array = np.ndarray
 
 # of a configuration whose direct vector is shorter than this share of the longest nothing can be learned
 DARK = 1e-6
-# a lightmap so many times as bright, over its direct vector, as the median is of a light that the measurement points all
+# a lightmap so many times as bright over its direct vector as the median is of a light that the measurement points all
 # but miss: divided by what little they see of it, a few such columns would outweigh all others
 MISSED = 3.0
 # eigenvalues below this share of the first are rounding

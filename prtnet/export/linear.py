@@ -53,47 +53,50 @@ def decoding(table: Float[Array, "c e v 4"]) -> str:
 def looking_up(elements: int, vectors: int, weight: str) -> str:
     """`void linear_look_up(vec2 uv, out vec4 v0, ...)`: four texels, each by its own cluster, then the bilinear mean.
 
-    `weight`: an expression of (layer, texel), the vec4 of weights there. Four texels of one cluster are blended first.
+    `weight`: an expression with {layer} and {texel} in it, the vec4 of weights there. Texels of one cluster are blended
+    before they are decoded; the text has one decoder for both cases, since compilers take their time over each.
     """
-    layers = _layers(elements)
-    outputs = [f"v{vector}" for vector in range(vectors)]
-    fetched = [weight.format(layer=layer, texel="texel") for layer in range(layers)]
+    layers, outputs = range(_layers(elements)), [f"v{vector}" for vector in range(vectors)]
+    weights, found = [f"w{layer}" for layer in layers], [f"f{vector}" for vector in range(vectors)]
+    own = [f"w{layer} = {weight.format(layer=layer, texel='texel')};" for layer in layers]
     lines = [
         f"uniform usampler2D {CLUSTERS};",
-        f"int linear_cluster(ivec2 texel) {{ return int(texelFetch({CLUSTERS}, texel, 0).r); }}",
-        f"void linear_add(ivec2 texel, int cluster, float share, {_list('inout vec4', outputs)}) {{",
-        f"  vec4 {', '.join(f'f{vector}' for vector in range(vectors))};",
-        f"  linear_decode(cluster, {', '.join([*fetched, *(f'f{vector}' for vector in range(vectors))])});",
-        *(f"  v{vector} += share * f{vector};" for vector in range(vectors)),
-        "}",
-        f"void linear_look_up(vec2 uv, {_list('out vec4', outputs)}) {{",
+        f"void linear_look_up(vec2 uv, {', '.join(f'out vec4 {each}' for each in outputs)}) {{",
         f"  ivec2 side = textureSize({CLUSTERS}, 0);",
         "  vec2 place = uv * vec2(side) - 0.5;",
-        "  vec2 part = place - floor(place);",
-        "  ivec2 a = clamp(ivec2(floor(place)), ivec2(0), side - 1);",
-        "  ivec2 d = clamp(ivec2(floor(place)) + 1, ivec2(0), side - 1);",
-        "  ivec2 b = ivec2(d.x, a.y);",
-        "  ivec2 c = ivec2(a.x, d.y);",
-        "  vec4 share = vec4((1.0 - part.x) * (1.0 - part.y), part.x * (1.0 - part.y), (1.0 - part.x) * part.y,"
-        " part.x * part.y);",
-        "  ivec4 own = ivec4(linear_cluster(a), linear_cluster(b), linear_cluster(c), linear_cluster(d));",
-        "  if (own == ivec4(own.x)) {",
-        f"    linear_decode(own.x, {', '.join([*(_blend(weight, layer) for layer in range(layers)), *outputs])});",
-        "    return;",
+        "  ivec2 low = ivec2(floor(place));",
+        "  vec2 part = place - vec2(low);",
+        "  ivec2 texels[4];",
+        "  int clusters[4];",
+        "  float shares[4];",
+        "  for (int i = 0; i < 4; ++i) {",
+        "    ivec2 step = ivec2(i & 1, i >> 1);",
+        "    texels[i] = clamp(low + step, ivec2(0), side - 1);",
+        f"    clusters[i] = int(texelFetch({CLUSTERS}, texels[i], 0).r);",
+        "    vec2 both = mix(1.0 - part, part, vec2(step));",
+        "    shares[i] = both.x * both.y;",
         "  }",
+        "  bool alike = clusters[1] == clusters[0] && clusters[2] == clusters[0] && clusters[3] == clusters[0];",
+        f"  vec4 {', '.join(weights + found)};",
         *(f"  {each} = vec4(0.0);" for each in outputs),
-        *(f"  linear_add({each}, own[{i}], share[{i}], {', '.join(outputs)});" for i, each in enumerate("abcd")),
+        "  for (int i = 0; i < (alike ? 1 : 4); ++i) {",
+        "    ivec2 texel = texels[i];",
+        "    if (alike) {",
+        *(f"      w{layer} = {_blend(weight, layer)};" for layer in layers),
+        "    } else {",
+        *(f"      {each}" for each in own),
+        "    }",
+        f"    linear_decode(clusters[i], {', '.join(weights + found)});",
+        "    float share = alike ? 1.0 : shares[i];",
+        *(f"    {each} += share * {one};" for each, one in zip(outputs, found, strict=True)),
+        "  }",
         "}",
     ]
     return "\n".join([*lines, ""])
 
 
 def _blend(weight: str, layer: int) -> str:
-    return " + ".join(f"share[{i}] * {weight.format(layer=layer, texel=texel)}" for i, texel in enumerate("abcd"))
-
-
-def _list(kind: str, names: list[str]) -> str:
-    return ", ".join(f"{kind} {name}" for name in names)
+    return " + ".join(f"shares[{i}] * {weight.format(layer=layer, texel=f'texels[{i}]')}" for i in range(4))
 
 
 def _layers(elements: int) -> int:

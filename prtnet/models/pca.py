@@ -20,7 +20,7 @@ from prtnet import PrtnetError
 Array = np.ndarray
 
 # points that are learned from; more change nothing
-MOST_POINTS = 1 << 16
+MOST_POINTS = 1 << 15
 # assignments with fewer vectors than there will be, and at most with all of them
 PASSES, MOST_PASSES = 3, 20
 # a pass that lowers the error by less than this share is the last
@@ -217,9 +217,7 @@ def _by_cluster(cluster: Int[Array, " p"], clusters: int) -> list[tuple[Array, i
     ]
 
 
-def lit(
-    linear: Linear, light: Float[Array, "k 3"], coefficients: int, groups: int = 1
-) -> Float32[Array, "c elements+1 3"]:
+def lit(linear: Linear, light: Float[Array, "k 3"], coefficients: int, groups: int = 1) -> Float32[Array, "c _ 3"]:
     """What means and vectors are under a light, per colour: entry 0 of a cluster is m.L, the others b_i.L.
 
     Of three `groups` of so many coefficients the channels of a vector are for red, green and blue; of one, for all.

@@ -34,7 +34,7 @@ from prtnet.view import window
 log = logging.getLogger(__name__)
 
 # part of every key: raised when a stage's result changes for the same inputs
-VERSION = 2
+VERSION = 3
 # of transfer.tracer: the surface itself; and where it is quick enough
 MARCHED, AUTO = MarchTracer.kind, "auto"
 MARCHING = (MARCHED, AUTO)

@@ -7,6 +7,7 @@ bilinear look-up is nearest to the transfer of points that were never fitted is 
 
 import logging
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -78,27 +79,41 @@ def best(job: Job, baked: BakedTexture, name: str, room: int) -> Fitted:
     sides = {elements: _side(job, name, elements, room) for elements in _numbers(job)}
     most = MOST_SIDE * job.config.atlas.size
     tried = {elements: min(side, most) for elements, side in sides.items() if side >= LEAST_SIDE}
-    if not tried:
-        raise PrtnetError(
-            f"linear.bytes: found {room} bytes of {job.config.linear.bytes}, too few for a texture of {LEAST_SIDE}^2"
-            f" texels of the method {name}, with its vectors; expected fewer linear.clusters, or linear.bytes=free"
-        )
     inputs = job.scene_key | {"source": baked.key, "seed": job.config.seed, "tried": list(tried.items())}
     inputs |= {"clusters": clusters_of(job.config, name), "channels": channels_of(job)[0]}
     inputs |= {"dilation": job.config.atlas.dilation, "count": job.config.samples.test_count}
 
     def make() -> tuple[dict[str, Array], dict[str, Any]]:
-        points = samples.area_uniform(job.scene, job.config.samples.test_count, job.rng("linear points"))
-        own = job.scene_key | {"count": job.config.samples.test_count, "seed": job.config.seed}
-        found = received(job, "linear_points", own, points, job.config.transfer.directions, baked.radiosity)
-        truth, errors = kept(job, found.transfer), {}
-        for elements, side in tried.items():
-            errors[elements] = _error(job, fit(job, name, texture_of(job, baked, side), elements), points, truth)
-            log.info("%s: %d vectors at %d^2 texels, RMSE of points %.4f", name, elements, side, errors[elements])
-        return {}, {"elements": min(errors, key=errors.__getitem__), "errors": list(errors.values())}
+        errors = _errors(job, baked, name, tried)
+        return {}, {"elements": min(errors, key=errors.__getitem__) if errors else None, "errors": errors}
 
     chosen = job.store.make("linear_bytes", inputs, make).facts["elements"]
+    if chosen is None:
+        raise PrtnetError(
+            f"linear.bytes: found {room} bytes of {job.config.linear.bytes}, too few for the vectors of {name} and a"
+            " texture that the charts of the scene fit into; atlas.format=uint8 takes a quarter of float32, and"
+            " linear.store=vertex or linear.bytes=free ask for no charts in few texels"
+        )
     return fit(job, name, texture_of(job, baked, tried[chosen]), chosen)
+
+
+def _errors(job: Job, baked: BakedTexture, name: str, tried: Mapping[int, int]) -> dict[int, float]:
+    """RMSE by number of vectors, of textures of the sides `tried`; those that the charts do not fit into are passed
+    over."""
+    count, errors = job.config.samples.test_count, {}
+    points = samples.area_uniform(job.scene, count, job.rng("linear points"))
+    own = job.scene_key | {"count": count, "seed": job.config.seed}
+    found = received(job, "linear_points", own, points, job.config.transfer.directions, baked.radiosity)
+    truth = kept(job, found.transfer)
+    for elements, side in tried.items():
+        try:
+            source = texture_of(job, baked, side)
+        except PrtnetError as error:
+            log.info("%s: no %d vectors at %d^2 texels: %s", name, elements, side, error)
+            continue
+        errors[elements] = _error(job, fit(job, name, source, elements), points, truth)
+        log.info("%s: %d vectors at %d^2 texels, RMSE of points %.4f", name, elements, side, errors[elements])
+    return errors
 
 
 def _side(job: Job, name: str, elements: int, room: int) -> int:

@@ -170,7 +170,9 @@ class LinearVertexMethod(_Looked, VertexMethod):
         self.texture, self._per_row = gl.upload(image), image.shape[1] // self._weight_layers
         self._cluster = {"in_cluster": found.cluster.astype(np.float32)[:, None]}
         # bytes on the graphics card: weights, padding included, clusters, means and vectors
-        self.bytes = image.nbytes + linear.bytes + texts.index_bytes(linear.clusters) * len(transfer)
+        self.bytes = (
+            16 * self._weight_layers * len(transfer) + linear.bytes + texts.index_bytes(linear.clusters) * len(transfer)
+        )
         self._attributes = self._reflected()
         self._prepare()
 

@@ -14,7 +14,8 @@ from jaxtyping import Float, Float64
 
 from prtnet import PrtnetError, store
 from prtnet.data.lighting.lamp import Lighting
-from prtnet.models.data_driven import DARK, Learned, Pairs, basis_of, learn, ridge_of
+from prtnet.models.data_driven import Learned, Pairs, basis_of, learn, normalised, ridge_of
+from prtnet.pipeline.data_driven import colours
 from prtnet.pipeline.data_driven import errors as measured
 from prtnet.pipeline.data_driven.database import Database
 from prtnet.pipeline.data_driven.learn import Operator
@@ -26,11 +27,9 @@ Line = dict[str, Any]
 VERSION = 1  # raised when lines change for the same database
 ELEMENTS = (1, 2, 4, 8, 16, 32, 64)
 POINTS = (16, 32, 64, 128, 256, 512, 1024)
-RIDGES = (0.0, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1.0)
-SHARES = (1, 2, 4, 16, 64, 256)  # of the rays: one in so many
+RIDGES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0)
+SHARES = (1, 4, 16, 64)  # of the rays: one in so many
 SPACES = (("shared", 1.0), ("separate", 1.0), ("shared", 2.2), ("separate", 2.2))
-# what a white light is turned into, to ask of colours that were not learned from: two that no surface has
-TINTS = ((1.0, 0.15, 0.05), (0.05, 0.3, 1.0), (0.2, 1.0, 0.1))
 
 
 def write(job: Job, made: Operator) -> None:
@@ -87,7 +86,7 @@ def measure(
     found = {
         "elements": by_elements(few, tested, ridge),
         "points": by_points(few, tested, **plain),
-        "ridge": [_line({"ridge": each}, few, tested, elements=elements, ridge=each) for each in RIDGES],
+        "ridge": by_ridge(few, tested, elements),
         "configurations": [_line({"configurations": c}, first(few, c), tested, **plain) for c in sizes],
         "noise": by_noise(training, asked, noise, rng=rng, **plain),
         "spaces": by_space(training, asked, **plain),
@@ -147,6 +146,23 @@ def by_elements(training: Pairs, unseen: Pairs, ridge: float) -> list[Line]:
     return []
 
 
+def by_ridge(training: Pairs, unseen: Pairs, elements: int) -> list[Line]:
+    """Of several lambdas for one basis."""
+    frames = np.zeros(len(training.direct), int) if training.keyframe is None else training.keyframe
+    bank = normalised(training.lightmaps, training.direct, frames)
+    try:
+        basis, c = basis_of(bank.lightmaps, elements)
+    except PrtnetError:
+        return []
+    own = [bank.keyframe == each for each in range(int(frames.max()) + 1)]
+    lines = []
+    for ridge in RIDGES:
+        matrices = np.stack([ridge_of(c[:, each], bank.direct[:, each], ridge) for each in own])
+        learned = Learned(basis[None].astype(np.float32), matrices[:, None].astype(np.float32), 0, 0)
+        lines.append({"ridge": ridge} | _errors(learned, training, unseen))
+    return lines
+
+
 def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
     """Of the first measurement points: sample elimination leaves them in an order of which any beginning is spread
     well. Errors are divided by what all points measure, so that they compare."""
@@ -182,55 +198,14 @@ def by_noise(
 def by_space(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
     """Of one basis for all colours or one for each, in a linear space or that of displays; `coloured`: under the unseen
     lights in colours. With all colours in one vector (joint) the operator learns what light is like, not the scene."""
-    coloured = tinted(unseen)
+    coloured = colours.tinted(unseen)
     lines = []
     for channels, gamma in SPACES:
         learned = _learned(training, channels=channels, gamma=gamma, **settings)
         if learned:
             line = {"channels": channels, "gamma": gamma} | _errors(learned, training, unseen, gamma=gamma)
             lines.append(line | {"coloured": errors(learned, coloured, gamma=gamma)[0]})
-    return [*lines, _joint(training, unseen, coloured, **settings)]
-
-
-def _joint(training: Pairs, unseen: Pairs, coloured: Pairs, elements: int, ridge: float) -> Line:
-    """Errors of an operator from the 3 m direct values of all colours to 3 t texels; one for all keyframes."""
-    light, maps, weight = _in_one(training)
-    lit = weight > 0
-    try:
-        basis, c = basis_of(maps[lit] * weight[lit, None], elements)
-    except PrtnetError:
-        return {}
-    matrix = ridge_of(c, (light[lit] * weight[lit, None]).T, ridge)
-    found: Line = {"channels": "joint", "gamma": 1.0}
-    for name, pairs in {"training": training, "unseen": unseen, "coloured": coloured}.items():
-        light, wanted, _ = _in_one(pairs)
-        found[name] = _relative((light @ matrix.T) @ basis, wanted, pairs)
-        found |= {"projection": _relative((wanted @ basis.T) @ basis, wanted, pairs)} if name == "unseen" else {}
-    return found
-
-
-def _relative(made: Float64[Array, "c _"], wanted: Float64[Array, "c _"], pairs: Pairs) -> float:
-    """The error of lightmaps that have the values of all colours in a row."""
-    sizes = measured.norms(pairs.direct)[:, None]
-    weight = np.divide(1, sizes, out=np.zeros_like(sizes), where=sizes > 0)
-    scaled = [(each.reshape(len(each), -1, 3) * weight) for each in (made - wanted, wanted)]
-    return float(np.linalg.norm(scaled[0]) / max(np.linalg.norm(scaled[1]), 1e-30))
-
-
-def _in_one(pairs: Pairs) -> tuple[Float64[Array, "c _"], Float64[Array, "c _"], Float64[Array, " c"]]:
-    """Direct vectors and lightmaps with the values of all colours in a row, and one over the norm of the former, 0 of
-    dark ones."""
-    light, maps = (each.reshape(len(each), -1).astype(np.float64) for each in (pairs.direct, pairs.lightmaps))
-    size = np.linalg.norm(light, axis=1)
-    lit = size > DARK * max(size.max(initial=0.0), 1e-30)
-    return light, maps, np.where(lit, 1 / np.where(lit, size, 1), 0)
-
-
-def tinted(pairs: Pairs) -> Pairs:
-    """The same lights in saturated colours, in turns. Exact: no transport here changes the colour of light, so that a
-    channel of a lightmap is proportional to that channel of the light."""
-    tints = np.asarray([TINTS[number % len(TINTS)] for number in range(len(pairs.direct))], np.float32)[:, None]
-    return replace(pairs, lightmaps=pairs.lightmaps * tints, direct=pairs.direct * tints)
+    return [*lines, colours.joint(training, unseen, coloured, **settings)]
 
 
 def by_light(training: Pairs, unseen: Pairs, kinds: Array, **settings: Any) -> list[Line]:

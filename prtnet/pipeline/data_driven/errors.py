@@ -50,7 +50,7 @@ def errors(
         few = np.arange(start, min(start + GROUP, len(direct)))
         matrix = np.broadcast_to(matrices[frames[few]], (len(few), 3, *matrices.shape[2:]))
         light = to_space(direct[few], gamma)
-        u = np.einsum("chnm,cmh->cnh", matrix, light, dtype=np.float64)
+        u = np.einsum("chnm,cmh->cnh", matrix, light.astype(np.float64), optimize=True)
         truth = lightmaps[few].astype(np.float64)
         found = from_space(np.einsum("hnt,cnh->cth", whole, u, optimize=True), gamma)
         nearest = from_space(projected(basis, lightmaps[few], gamma), gamma)

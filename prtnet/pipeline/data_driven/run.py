@@ -5,8 +5,9 @@ from prtnet.pipeline.data_driven.learn import operator
 from prtnet.pipeline.job import Job
 
 
-def run_alone(job: Job) -> None:
-    """The stages of a run that has no other method: database and operator, files and page, score."""
+def run_alone(job: Job, sweep_point: str | None = None, sweep_command: str = "") -> None:
+    """The stages of a run that has no other method: database and operator, files and page, score. Arguments as of
+    `prtnet.pipeline.run`."""
     last = max(STAGES.index(stage) for stage in job.config.stages)
     made = operator(job)
     if last >= STAGES.index("export"):
@@ -24,3 +25,7 @@ def run_alone(job: Job) -> None:
         from prtnet.pipeline.data_driven.score import score_lights
 
         report(job, made, score_lights(job, made))
+        if sweep_point:
+            from prtnet.pipeline.sweep import summarise
+
+            summarise(job, sweep_point, sweep_command)

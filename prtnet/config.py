@@ -219,7 +219,7 @@ class DataDrivenOptions:
     matrices: str = "each"  # keyframe has a matrix of its own, or one for all
     tested_views: int = 2  # that are drawn
     tested_lights: int = 4  # of the unseen configurations that views are drawn under
-    samples: int = 256  # paths per pixel of their reference
+    samples: int = 512  # paths per pixel of their reference
 
 
 @dataclass

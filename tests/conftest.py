@@ -10,7 +10,15 @@ import tests.shapes  # noqa: F401  (the hook looks it up by name)
 PACKAGE = Path(__file__).resolve().parents[1] / "prtnet"
 # numba compiles the kernels from their plain source, so they stay undecorated
 UNCHECKED = {
-    f"prtnet.{name}" for name in ("data.kernels", "data.nearest", "data.implicit.kernels", "models.kernels", "__main__")
+    f"prtnet.{name}"
+    for name in (
+        "data.kernels",
+        "data.nearest",
+        "data.implicit.kernels",
+        "data.lighting.kernels",
+        "models.kernels",
+        "__main__",
+    )
 }
 
 

@@ -24,7 +24,8 @@ RINGS = 2
 class Surface:
     """Where in the rows of a table each point of a scene's surfaces has its own."""
 
-    # atlas coordinates of the corners of the faces of scene.split_sides()
+    # atlas coordinates of the corners of the faces of scene.split_sides(); of backs in the order of their fronts, since
+    # a ray that hits a back is told the front's barycentric coordinates
     corners: Float32[Array, "f 3 2"]
     # the split face on the back of each face of the scene; -1 where nobody sees the back
     behind: Int32[Array, " s"]
@@ -59,7 +60,9 @@ def of_atlas(scene: Scene, atlas: Atlas, pages: Sequence[Texels]) -> Surface:
     texels = [np.where(rows < 0, -1, rows + first) for rows, first in zip(grown, counts, strict=False)]
     starts = np.cumsum([0] + [len(rows) for rows in grown])[: len(pages)]
     place = np.stack([[page.size for page in pages], starts], axis=1)[atlas.page_of_face].astype(np.int32)
-    return Surface(atlas.uv[atlas.scene.faces], behind, place, np.concatenate(texels).astype(np.int32))
+    corners = atlas.uv[atlas.scene.faces]
+    corners[len(scene.faces) :] = corners[len(scene.faces) :, ::-1].copy()
+    return Surface(corners, behind, place, np.concatenate(texels).astype(np.int32))
 
 
 def _grown(texels: Texels) -> Int32[Array, "size size"]:

@@ -70,10 +70,9 @@ def gbuffer(atlas: Atlas, size: int, page: int = 0) -> Texels:
 
 def points(pages: Sequence[Texels]) -> Samples:
     """The surface points of all texels, one texture after the other."""
-    face = np.concatenate([np.zeros(len(page.index), np.int32) for page in pages])
-    positions, normals, geometric = (
+    positions, normals, geometric, face = (
         np.concatenate([getattr(page, name) for page in pages])
-        for name in ("positions", "normals", "geometric_normals")
+        for name in ("positions", "normals", "geometric_normals", "face")
     )
     return Samples(positions, normals, geometric, face)
 

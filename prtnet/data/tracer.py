@@ -48,6 +48,11 @@ class Tracer:
         seconds = time.perf_counter() - started
         log.info("tracer: %s (Embree, %s), %d triangles, built in %.2f s", self.kind, how, len(faces), seconds)
 
+    @property
+    def packets(self) -> PacketScene | None:
+        """What compiled kernels trace against; None with plain embreex."""
+        return self._scene if isinstance(self._scene, PacketScene) else None
+
     def origins(
         self, positions: Float[np.ndarray, "n 3"], geometric_normals: Float[np.ndarray, "n 3"]
     ) -> Float[np.ndarray, "n 3"]:

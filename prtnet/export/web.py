@@ -1,41 +1,30 @@
 """A scene as one HTML file that opens from disk: mesh, network, transfer texture and lights, drawn with WebGL 2; or the
 text of an implicit surface and the lobe of open points in place of mesh and texture.
 
-The page asks for nothing over the network and says so to the browser (a content security policy). All arrays are base64
-of gzip (`prtnet.export.packing`), everything else is JSON or HTML in which nothing of a scene's own words can be code.
+`prtnet.export.web_frame` is what this page has in common with others.
 """
 
-import base64
-import hashlib
-import html
-import json
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 
-from prtnet import PrtnetError, netspec, sh
+from prtnet import netspec, sh
 from prtnet.data.atlas import Atlas
 from prtnet.data.implicit.surface import Implicit
 from prtnet.data.texture import Page
 from prtnet.export import gloss, unshadowed, web_content, web_surface
 from prtnet.export.packing import Block
 from prtnet.export.web_content import numbers
+from prtnet.export.web_frame import SHARED, Certificate, Look, Words, document
 from prtnet.netspec import NetSpec
 
 Array = np.ndarray
 
-FOLDER = Path(__file__).parent / "web"
 # each after those it imports from
-MODULES = (
-    "unpack", "sh", "ball", "camera", "pointer", "device", "shaders", "model", "mesh", "implicit", "renderer",
-    "certify", "viewer", "controls", "main",
-)  # fmt: skip
-
+MODULES = (*SHARED, "methods", "implicit", "model", "renderer", "certify", "viewer", "controls", "main")
 
 _EXPOSURES = "Exposures are those of the first view under each light; small bright lights ring in spherical harmonics."
 _NO_MESH = "Surface: sphere-traced in each pixel, with no triangles and no texture coordinates."
@@ -51,33 +40,11 @@ class PageLight:
 
 
 @dataclass(frozen=True)
-class Look:
-    """What the page shows first. The camera is in unit coordinates, its field of view in degrees."""
-
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
-    fov: float = 40.0
-    diffuse: float = 1.0
-    specular: float = 0.0
-    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of what is specular
-    exponent: float = 20.0
-
-
-@dataclass(frozen=True)
 class Cost:
     """Of a method: multiply-adds per pixel up to the transfer, bytes on the graphics card."""
 
     macs: int
     bytes: int
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """What a browser measured of the page's net, or why none did."""
-
-    measured: Mapping[str, Any] | None = None
-    reason: str = "no browser was there"
-    notes: Sequence[str] = field(default_factory=tuple)
 
 
 def page(
@@ -144,7 +111,6 @@ def _page(
 ) -> str:
     certificate = certificate or Certificate()
     about |= {
-        "blocks": {name: block.about() for name, block in blocks.items()},
         "other": shown.other,
         "lights": [
             {"name": light.name, "coefficients": numbers(light.coefficients), "exposure": light.exposure}
@@ -163,23 +129,8 @@ def _page(
         "unmeasured": certificate.reason,
     }
     lead = f"Precomputed light transport in a network of {netspec.macs(net):,} multiply-adds, beside {shown.beside}."
-    return _assembled(
-        title=html.escape(shown.title),
-        other=shown.other,
-        Other=shown.other.capitalize(),
-        lead=html.escape(lead),
-        notes="".join(f"<li>{html.escape(note)}</li>" for note in [*notes, *certificate.notes]),
-        about=as_json(about),
-        blocks="\n".join(_element(name, block) for name, block in blocks.items()),
-        style=_text("page.css"),
-        script=_script(),
-    )
-
-
-def as_json(values: Any) -> str:
-    """JSON that may stand in a script element: no `<` can end it, whatever the words are."""
-    text = json.dumps(values, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    words = Words(shown.title, lead, "network", shown.other, [*notes, *certificate.notes])
+    return document("transfer", MODULES, words, about, blocks)
 
 
 def _beside(pages: Sequence[Page]) -> str:
@@ -200,35 +151,3 @@ def _notes(atlas: Atlas, pages: Sequence[Page]) -> list[str]:
     if atlas.scene.tangents is not None:
         notes.append("Normal maps are not in this file: surfaces are smooth.")
     return notes
-
-
-def _element(name: str, block: Block) -> str:
-    return f'<script type="application/octet-stream;base64" id="data-{name}">{block.text()}</script>'
-
-
-def _text(name: str) -> str:
-    return (FOLDER / name).read_text(encoding="utf-8")
-
-
-def _script() -> str:
-    """The modules as one: without their imports and exports, each after those it needs."""
-    texts = [_text(f"{name}.js") for name in MODULES]
-    whole = "\n".join(re.sub(r"^import [^;]*;\n", "", text, flags=re.MULTILINE) for text in texts)
-    return re.sub(r"^export ", "", whole, flags=re.MULTILINE)
-
-
-def _assembled(**parts: str) -> str:
-    """The page with its parts in place; what stands in a part is never looked at again."""
-    for name in ("script", "style"):
-        parts[f"{name}_hash"] = _policy_hash(parts[name])
-    text = _text("page.html")
-    unknown = set(re.findall(r"\{\{(\w+)\}\}", text)) ^ parts.keys()
-    if unknown:
-        raise PrtnetError(
-            f"page.html: found {', '.join(sorted(unknown))} on one side only, expected all parts in place"
-        )
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], text)
-
-
-def _policy_hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

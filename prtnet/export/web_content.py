@@ -33,7 +33,7 @@ def content(
     net: NetSpec, atlas: Atlas, pages: Sequence[Page], net_uv: Float[Array, "v 2"] | None, storage: str
 ) -> tuple[dict[str, Any], dict[str, Block]]:
     """What the page knows of net, mesh and textures, and the arrays. Parameters as of `prtnet.export.web.page`."""
-    mesh, blocks = _mesh(atlas)
+    about_mesh, blocks = mesh(atlas)
     textures, texture_blocks = _textures(pages, _slots(net), 4 * net.groups * quads(sh.count(net.bands)))
     about, net_blocks = net_content(net, storage, textures)
     blocks |= texture_blocks | net_blocks
@@ -42,7 +42,7 @@ def content(
     firsts = np.searchsorted(np.sort(atlas.page_of_face), np.arange(len(pages) + 1)).tolist()
     for each, first, last in zip(textures, firsts[:-1], firsts[1:], strict=True):
         each |= {"first": first, "count": last - first}
-    return about | mesh | {"pages": textures}, blocks
+    return about | about_mesh | {"pages": textures}, blocks
 
 
 def net_content(net: NetSpec, storage: str, textures: list[dict[str, Any]]) -> tuple[dict[str, Any], dict[str, Block]]:
@@ -86,7 +86,8 @@ def _function(net: NetSpec, chosen: Form) -> str:
     return "\n".join(line for line in lines if not line.startswith("//"))
 
 
-def _mesh(atlas: Atlas) -> tuple[dict[str, Any], dict[str, Block]]:
+def mesh(atlas: Atlas) -> tuple[dict[str, Any], dict[str, Block]]:
+    """What the page knows of the triangles and their parts, page by page of the atlas, and the arrays."""
     scene = atlas.scene
     box = packing.box_of(scene.vertices)
     faces = scene.faces[np.argsort(atlas.page_of_face, kind="stable")]

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
+from scipy import linalg
 
 from prtnet import PrtnetError
 from prtnet.data_driven import to_space
@@ -66,7 +67,7 @@ def learn(
     keyframe = np.zeros_like(keyframe) if matrices == "one" else keyframe
     lightmaps, direct = (to_space(each, gamma) for each in (pairs.lightmaps, pairs.direct))
     colours = np.split(np.arange(3), _bank_count(channels))
-    banks = [_columns(lightmaps[..., each], direct[..., each], keyframe) for each in colours]
+    banks = [normalised(lightmaps[..., each], direct[..., each], keyframe) for each in colours]
     count = int(keyframe.max()) + 1
     learned = []
     for bank in banks:
@@ -85,7 +86,7 @@ def learn(
 
 
 @dataclass(frozen=True, eq=False)
-class _Columns:
+class Columns:
     """Normalised configurations of one bank: rows of `lightmaps`, columns of `direct`."""
 
     lightmaps: Float32[Array, "N t"]
@@ -100,7 +101,7 @@ def _bank_count(channels: str) -> int:
     return 1 if channels == "shared" else 3
 
 
-def _columns(lightmaps: Array, direct: Array, keyframe: Array) -> _Columns:
+def normalised(lightmaps: Array, direct: Array, keyframe: Array) -> Columns:
     """The colours of a bank, "c t k" and "c m k", as configurations of their own, each by the norm of its direct."""
     colours = direct.shape[2]
     flat = np.moveaxis(direct, 2, 1).reshape(-1, direct.shape[1]).astype(np.float64)
@@ -113,7 +114,7 @@ def _columns(lightmaps: Array, direct: Array, keyframe: Array) -> _Columns:
             " scene; choose another data_driven.scenario or more data_driven.points"
         )
     rows = (maps[lit] / norm[lit, None]).astype(np.float32)
-    return _Columns(rows, (flat[lit] / norm[lit, None]).T, np.repeat(keyframe, colours)[lit], int(np.sum(~lit)))
+    return Columns(rows, (flat[lit] / norm[lit, None]).T, np.repeat(keyframe, colours)[lit], int(np.sum(~lit)))
 
 
 def basis_of(lightmaps: Float[Array, "N t"], elements: int) -> tuple[Float64[Array, "n t"], Float64[Array, "n N"]]:
@@ -131,7 +132,8 @@ def basis_of(lightmaps: Float[Array, "N t"], elements: int) -> tuple[Float64[Arr
     length = np.linalg.norm(mean)
     first = mean / length if length > 0 else mean
     rest = y - np.outer(y @ first, first)
-    values, vectors = np.linalg.eigh(rest @ rest.T)
+    others = [len(y) - elements + 1, len(y) - 1] if elements > 1 else [len(y) - 1, len(y) - 1]
+    values, vectors = linalg.eigh(rest @ rest.T, subset_by_index=others)
     values, vectors = values[::-1][: elements - 1], vectors[:, ::-1][:, : elements - 1]
     found = int(np.sum(values > RANK * max(float(np.sum(y * y)), 1e-300))) + (length > 0)
     if found < elements:
@@ -139,9 +141,9 @@ def basis_of(lightmaps: Float[Array, "N t"], elements: int) -> tuple[Float64[Arr
             f"data-driven: found only {found} independent lightmaps for {elements} elements; lower"
             " data_driven.elements or choose a data_driven.scenario with more variety"
         )
-    others = vectors.T @ rest
+    rows = vectors.T @ rest
     # rounding: against the first and each other once more
-    stacked = np.concatenate([first[None], others / np.linalg.norm(others, axis=1, keepdims=True)])
+    stacked = np.concatenate([first[None], rows / np.linalg.norm(rows, axis=1, keepdims=True)])
     q, r = np.linalg.qr(stacked.T)
     basis = (q * np.where(np.diag(r) < 0, -1, 1)).T
     return basis, basis @ y.T
@@ -164,4 +166,5 @@ def projected(basis: Float[Array, "banks n t"], lightmaps: Float[Array, "c t 3"]
     """Lightmaps as near as the basis comes to them, in the space of `gamma`, which its result is in as well."""
     values = to_space(lightmaps, gamma).astype(np.float64)
     whole = np.broadcast_to(basis, (3, *basis.shape[1:])).astype(np.float64)
-    return np.einsum("hnt,cnh->cth", whole, np.einsum("hnt,cth->cnh", whole, values))
+    u = np.einsum("hnt,cth->cnh", whole, values, optimize=True)
+    return np.einsum("hnt,cnh->cth", whole, u, optimize=True)

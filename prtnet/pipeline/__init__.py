@@ -5,8 +5,6 @@ everything and only prints. `size` is made only where it is named, and chooses t
 `view` comes last, and only where it is named: a window on what was exported.
 """
 
-from pathlib import Path
-
 from prtnet.config import STAGES, Config
 
 
@@ -19,11 +17,17 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
     # each stage imports what it needs, so that `stages=[bake]` never waits for torch
     from prtnet.pipeline import engine
     from prtnet.pipeline.bake import bake
+    from prtnet.pipeline.data_driven import options
     from prtnet.pipeline.job import open_job
 
     engine.check(config.cluster)
     job = open_job(config, command, sweep_point)
     config = job.config  # with the methods of the scene where none were named
+    if options.alone(config):
+        from prtnet.pipeline.data_driven.run import run_alone
+
+        run_alone(job, sweep_point, sweep_command)
+        return
     last = max(STAGES.index(stage) for stage in config.stages)
     baked = bake(job)
     network = clusters = None
@@ -57,7 +61,7 @@ def run(config: Config, command: str = "", sweep_point: str | None = None, sweep
 
                 if network:
                     log_point(job, sweep_point, scored, network)
-                summarise(job.out.parents[len(Path(sweep_point).parts) - 1], sweep_command)
+                summarise(job, sweep_point, sweep_command)
         if "view" in config.stages:
             from prtnet.pipeline.view import view
 

@@ -18,6 +18,7 @@ from prtnet.data.scene import Scene
 from prtnet.data.texture import Page, Texels
 from prtnet.data.tracer import Tracer
 from prtnet.pipeline.atlas import atlas_of, inputs_of, padding_of
+from prtnet.pipeline.data_driven.learn import Operator, operator
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.transport import Radiosity, incident, received, texels_and_radiosity, traced
 from prtnet.render import camera
@@ -84,6 +85,7 @@ class Baked:
     lit: BakedTexture | None  # beside the transfer, light from other surfaces under the job's light
     mesh: BakedMesh | None
     points: NetPoints | None
+    operator: Operator | None = None  # of the method data_driven
 
     @property
     def radiosity(self) -> Radiosity | None:
@@ -97,7 +99,8 @@ def bake(job: Job) -> Baked:
     points = _net_points(job, baked) if {"net", "clusters"} & set(job.config.methods) else None
     lit = _lit(job, baked) if baked and "lit_texture" in job.config.methods else None
     mesh = bake_mesh(job, baked.radiosity) if baked and "vertex" in job.config.methods else None
-    return Baked(baked, lit, mesh, points)
+    learned = operator(job) if "data_driven" in job.config.methods else None
+    return Baked(baked, lit, mesh, points, learned)
 
 
 def _net_points(job: Job, baked: BakedTexture | None) -> NetPoints:

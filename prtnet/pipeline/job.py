@@ -24,6 +24,7 @@ from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
 from prtnet.pipeline import candidates, drawn_by, linear_options, scenes, split_options
+from prtnet.pipeline.data_driven import options as data_driven_options
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material
@@ -33,7 +34,7 @@ from prtnet.view import window
 log = logging.getLogger(__name__)
 
 # part of every key: raised when a stage's result changes for the same inputs
-VERSION = 2
+VERSION = 3
 # of transfer.tracer: the surface itself; and where it is quick enough
 MARCHED, AUTO = MarchTracer.kind, "auto"
 MARCHING = (MARCHED, AUTO)
@@ -255,6 +256,7 @@ def _check(config: Config) -> None:
         window.check()
     recipe.check(config.train)
     split_options.check(config)
+    data_driven_options.check(config)
     linear_options.check(config)
     _material(config)
     _display(config)

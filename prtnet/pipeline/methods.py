@@ -1,7 +1,7 @@
 """The methods of a job, ready to draw, each with what it costs."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,12 +12,14 @@ from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
 from prtnet.pipeline import drawn_by, linear
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
+from prtnet.pipeline.data_driven.learn import Operator
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.export_clusters import ClustersExported
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.views import cameras_of
 from prtnet.render.clusters import ClusterMethod, DeferredClusters, shares, stack_method
+from prtnet.render.data_driven import DataDrivenTexture
 from prtnet.render.deferred import DeferredMethod
 from prtnet.render.lit import LitTextureMethod
 from prtnet.render.marched import Drawing
@@ -58,6 +60,8 @@ def makers(
         found["net"] = lambda: _net(job, points, net, drawn, exported.drawn_by, drawing)
     if (trained_on := baked.points) and (split := exported.clusters) and isinstance(drawing, Raster):
         found["clusters"] = lambda: _clusters(job, trained_on, split, drawing)
+    if (direct := baked.texture) and (learned := baked.operator) and isinstance(drawing, Raster):
+        found["data_driven"] = lambda: _data_driven(job, direct, learned, drawing)
     if isinstance(drawing, Raster):
         for name in linear.named(job):
             found[name] = partial(_linear, job, baked, trained, drawing, name)
@@ -123,6 +127,28 @@ def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
 
 def _linear(job: Job, baked: Baked, trained: Trained | None, drawing: Raster, name: str) -> Drawn:
     return Drawn(*linear.drawn(job, linear.fitted(job, baked, trained, name), drawing))
+
+
+def _data_driven(job: Job, baked: BakedTexture, learned: Operator, drawing: Raster) -> Drawn:
+    """Direct transfer from the texture, what bounces from the operator."""
+    options, count, spec = job.config.atlas, sh.count(job.config.transfer.bands), learned.spec
+    direct = [replace(page, levels=tuple(level[..., :count] for level in page.levels)) for page in baked.pages]
+    shaded = DataDrivenTexture(
+        drawing,
+        direct,
+        spec,
+        texels=options.format,
+        level_of_detail=options.level_of_detail,
+        material=job.material,
+    )
+    padded = 4 * -(-spec.elements // 4) * len(spec.basis)
+    costs = {
+        "macs": score.fetch_macs(count + padded, "bilinear") + 3 * spec.elements + job.shading_macs,
+        "bytes": shaded.bytes,
+        "bake_seconds": baked.facts["seconds"] + learned.facts["training_seconds"],
+        "train_seconds": learned.facts["cpu_seconds"],
+    }
+    return Drawn(shaded, lambda pixels: costs)
 
 
 def _vertex(job: Job, baked: BakedMesh) -> Drawn:

@@ -18,6 +18,8 @@ from prtnet.store import Store
 MESH_METHODS, IMPLICIT_METHODS = ("texture", "vertex", "net"), ("unshadowed", "net")
 # of them, what milliseconds are told relative to
 MESH_BASELINE, IMPLICIT_BASELINE = "texture", "unshadowed"
+# the method that may stand by itself, since it has a reference of its own
+DATA_DRIVEN = "data_driven"
 # of scene.name: the mesh scene.path as a network's distance
 NEURAL = "neural_sdf"
 # what implicit surfaces can have of the keys that may want an atlas
@@ -59,6 +61,8 @@ def with_methods(config: Config) -> Config:
     implicit = is_implicit(config.scene)
     if not config.methods:
         return replace(config, methods=list(IMPLICIT_METHODS if implicit else MESH_METHODS))
+    if list(config.methods) == [DATA_DRIVEN]:
+        return config
     first = baseline(config.scene)
     allowed: Sequence[str] = IMPLICIT_METHODS if implicit else METHODS
     if first not in config.methods or not set(config.methods) <= set(allowed):

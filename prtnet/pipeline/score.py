@@ -67,6 +67,7 @@ def score_methods(job: Job, baked: Baked, trained: Trained | None, exported: Exp
         "exact": light_key(job.light) if job.config.render.exact_samples else None,
         "columns": list(score.KEYS),
         **({"clusters": exported.clusters.key} if exported.clusters else {}),
+        **({"data_driven": baked.operator.key} if baked.operator else {}),
         **linear.keys(fits),
     }
 

@@ -35,7 +35,12 @@ def log_point(job: Job, point: str, scored: Scored, trained: Trained) -> None:
     store.write_text(stamp, scored.key)
 
 
-def summarise(base: Path, command: str = "") -> None:
+def summarise(job: Job, point: str, command: str = "") -> None:
+    """Write the summary of all points of the sweep of a job that have been scored, and the sweep's command."""
+    summary_of(job.out.parents[len(Path(point).parts) - 1], command)
+
+
+def summary_of(base: Path, command: str = "") -> None:
     """Write the summary of all points below a sweep's folder that have been scored, and the sweep's command; what fails
     leaves the rest."""
     # points that end together write one after the other, so that the last one has seen them all

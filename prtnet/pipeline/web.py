@@ -87,21 +87,6 @@ def _of_surface(job: Job, net: NetSpec) -> Callable[..., str]:
     return partial(web.surface_page, net, job.implicit)
 
 
-def measured(job: Job, text: str) -> Certificate:
-    """The certificate of a page's text: run in Chromium where there is one that starts, once for each text."""
-
-    def run() -> tuple[dict[str, Array], dict[str, Any]]:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / NAME
-            path.write_text(text, encoding="utf-8")
-            return {}, measure(path)
-
-    try:
-        return Certificate(job.store.make("page", {"page": hashlib.sha256(text.encode()).hexdigest()}, run).facts)
-    except NoBrowser as error:
-        return Certificate(reason=str(error))
-
-
 def measure(page: Path) -> dict[str, Any]:
     """What headless Chromium makes of a page: error_max and error_mean of its net against NumPy at its random points,
     seconds until the first picture and until it is ready, the frame's size and milliseconds by each method, browser and
@@ -110,22 +95,48 @@ def measure(page: Path) -> dict[str, Any]:
     Raises NoBrowser, or PrtnetError where the page does not start.
     """
     with Browser(size=FRAME) as found:
-        start = time.perf_counter()
-        found.goto(page.resolve().as_uri())
-        found.evaluate("prtnet.ready")
-        ready = time.perf_counter() - start
-        if not found.evaluate("Boolean(prtnet.certify)"):
-            message = found.evaluate("document.getElementById('message').textContent")
-            raise PrtnetError(f"web page: found {message!r} in the browser, expected a picture")
-        facts = found.evaluate("prtnet.certify()")
+        facts = started(found, page) | found.evaluate("prtnet.certify()")
         # JSON has no NaN
         facts["error_max"] = np.inf if facts["error_max"] is None else facts["error_max"]
-        times = found.evaluate("prtnet.viewer.time(3)")
-        facts |= {"ready_seconds": round(ready, 2), "first_seconds": found.evaluate("prtnet.first_ms") / 1000}
-        size = found.evaluate("[prtnet.renderer.canvas.width, prtnet.renderer.canvas.height]")
-        facts |= {f"{method}_ms": taken for method, taken in times.items()} | {"frame": size}
-        facts["browser"] = found.send("Browser.getVersion")["product"]
+        facts |= timed(found)
     return facts
+
+
+def measured(job: Job, text: str, ask: Callable[[Path], dict[str, Any]] = measure) -> Certificate:
+    """The certificate of a page's text: run in Chromium where there is one that starts, once for each text.
+
+    `ask`: what is measured of a page on disk.
+    """
+
+    def run() -> tuple[dict[str, Array], dict[str, Any]]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / NAME
+            path.write_text(text, encoding="utf-8")
+            return {}, ask(path)
+
+    try:
+        return Certificate(job.store.make("page", {"page": hashlib.sha256(text.encode()).hexdigest()}, run).facts)
+    except NoBrowser as error:
+        return Certificate(reason=str(error))
+
+
+def started(browser: Browser, page: Path) -> dict[str, Any]:
+    """Open a page: seconds to its first picture and until it is ready. Raises PrtnetError where it does not start."""
+    start = time.perf_counter()
+    browser.goto(page.resolve().as_uri())
+    browser.evaluate("prtnet.ready")
+    ready = time.perf_counter() - start
+    if not browser.evaluate("Boolean(prtnet.certify)"):
+        message = browser.evaluate("document.getElementById('message').textContent")
+        raise PrtnetError(f"web page: found {message!r} in the browser, expected a picture")
+    return {"ready_seconds": round(ready, 2), "first_seconds": browser.evaluate("prtnet.first_ms") / 1000}
+
+
+def timed(browser: Browser) -> dict[str, Any]:
+    """Milliseconds of each kind of frame of a page that has started, the frame's size, and the browser."""
+    facts = {f"{name}_ms": taken for name, taken in browser.evaluate("prtnet.viewer.time(3)").items()}
+    size = browser.evaluate("[prtnet.renderer.canvas.width, prtnet.renderer.canvas.height]")
+    return facts | {"frame": size, "browser": browser.send("Browser.getVersion")["product"]}
 
 
 def _words(certificate: Certificate) -> str:

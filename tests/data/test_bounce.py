@@ -81,6 +81,21 @@ def test_free_directions_and_unseen_backs_send_nothing():
         assert (back.max() > 0) == two_sided
 
 
+def test_backs_answer_where_they_are_hit():
+    """A large sheet: its back's texels lie behind the points that are hit, not mirrored within their triangles."""
+    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1.0]])
+    sheet = Part("sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), two_sided=True)
+    scene = assemble("sheet", [sheet]).centred()
+    found, texels, _ = kept(scene)
+    rng = np.random.default_rng(0)
+    face, weights = rng.integers(2, size=500).astype(np.int32), rng.dirichlet([1, 1, 1], 500)
+    points = np.einsum("ni,nij->nj", weights, scene.vertices[scene.faces[face]])
+    for front in (True, False):
+        rows = found.rows(face, weights[:, 1:].astype(np.float32), np.full(500, front))
+        assert np.linalg.norm(points - texels.positions[rows], axis=1).max() < 0.03
+        assert np.all((texels.normals[rows] @ scene.face_normals[0] > 0) == front)
+
+
 def test_incident_light_is_a_function_of_direction():
     """In a closed box of constant radiance nothing is free: J is the cosine lobe times the radiance, per colour."""
     scene = closed_box([1.0, 1, 1]).centred()

@@ -11,7 +11,7 @@ import pytest
 
 from prtnet import PrtnetError, sh
 from prtnet.data.light import about_y
-from prtnet.export import browser, packing, web, web_content
+from prtnet.export import browser, packing, web, web_content, web_data_driven, web_frame
 from prtnet.export.web import Certificate, PageLight
 from tests.export.pages import BANDS, over_atlas, small
 from tests.nets import random_net, random_texels
@@ -63,13 +63,21 @@ def test_nothing_is_left_open_and_nothing_leads_away(text):
     assert not re.search(r"https?://", text)
 
 
-def test_modules_share_one_room(text):
-    names = re.findall(r"^(?:async )?(?:function|class|const|let) (\w+)", web._script(), re.MULTILINE)
+PAGES = (web.MODULES, web_data_driven.MODULES)
+
+
+@pytest.mark.parametrize("modules", PAGES)
+def test_modules_share_one_room(modules):
+    script = web_frame.script(modules)
+    names = re.findall(r"^(?:async )?(?:function|class|const|let) (\w+)", script, re.MULTILINE)
     assert len(names) == len(set(names))
-    assert "import" not in re.findall(r"^\w+", web._script(), re.MULTILINE)
-    files = {path.stem for path in web.FOLDER.glob("*.js")}
-    assert files == set(web.MODULES)
-    for path in web.FOLDER.iterdir():
+    assert "import" not in re.findall(r"^\w+", script, re.MULTILINE)
+
+
+def test_every_module_is_of_a_page():
+    files = {path.stem for path in web_frame.FOLDER.glob("*.js")}
+    assert files == {name for modules in PAGES for name in modules}
+    for path in web_frame.FOLDER.iterdir():
         assert path.read_text(encoding="utf-8").count("\n") <= 300, path
         assert "</script" not in path.read_text(encoding="utf-8") or path.suffix == ".html"
 
@@ -88,11 +96,11 @@ def test_hostile_names_stay_words(made):
     assert found.texts["style"] == plain.texts["style"]
     # the HTML parser of browsers makes \r a \n
     assert found.texts["h1"].replace("\r", "\n") == HOSTILE.replace("\r", "\n")
-    source = packing.unpack(_block(text, "net")).tobytes().decode()
+    source = packing.unpack(block(text, "net")).tobytes().decode()
     assert "hacked" not in source
 
 
-def _block(text, name):
+def block(text, name):
     about = about_of(text)["blocks"][name]
     data = base64.b64decode(Parsed(text).texts[f"data-{name}"])
     return packing.Block(data, about["kind"], tuple(about["shape"]), about["delta"])
@@ -100,9 +108,9 @@ def _block(text, name):
 
 def test_blocks_hold_the_mesh(made, text):
     box = packing.Box(**{key: np.array(v, np.float32) for key, v in about_of(text)["box"].items()})
-    found = packing.from_steps(packing.unpack(_block(text, "positions")), box)
+    found = packing.from_steps(packing.unpack(block(text, "positions")), box)
     assert np.abs(found - made.atlas.scene.vertices).max() < 2e-5
-    assert np.array_equal(packing.unpack(_block(text, "faces")), made.atlas.scene.faces)
+    assert np.array_equal(packing.unpack(block(text, "faces")), made.atlas.scene.faces)
 
 
 def test_upright_turns_y_into_z(made, text):

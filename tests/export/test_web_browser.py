@@ -129,6 +129,10 @@ def test_a_planted_error_is_found(page):
     page.evaluate("prtnet.renderer.model.checks.expected[100] += 0.5")
     assert page.evaluate("prtnet.certify().error_max") == pytest.approx(0.5, abs=1e-3)
     page.evaluate("prtnet.renderer.model.checks.expected[100] -= 0.5")
+    page.evaluate("window.was = prtnet.renderer.model.checks.expected[100]")
+    page.evaluate("prtnet.renderer.model.checks.expected[100] = NaN")
+    assert page.evaluate("prtnet.certify().error_max") is None
+    page.evaluate("prtnet.renderer.model.checks.expected[100] = window.was")
 
 
 @pytest.mark.parametrize("degrees", [0, 37, 270])

@@ -86,14 +86,14 @@ def test_points_that_cannot_be_read_are_left_out(tmp_path, caplog):
     (tmp_path / "a=1").mkdir()
     (tmp_path / "a=1" / "score.json").write_text("{")
     score.write(tmp_path / "another_run" / "score.json", [NET], {})
-    sweep.summarise(tmp_path)
+    sweep.summary_of(tmp_path)
     assert names(tmp_path) == ["a=9", "a=10", "mesh=x/y.glb"]
     assert "a=1/score.json: not a score file" in caplog.text
 
 
 def test_nothing_is_written_where_no_point_was_scored(tmp_path):
     (tmp_path / "a=1").mkdir()
-    sweep.summarise(tmp_path)
+    sweep.summary_of(tmp_path)
     assert not any((tmp_path / name).exists() for name in SUMMARY)
 
 

@@ -25,7 +25,7 @@ def parts(tessellation: float, rng: np.random.Generator) -> list[Part]:
         part("eyes", _pair(ellipsoid([0.045, 0.026, 0.03], steps(20, tessellation, 8)), 0.13, 0.0, 0.372), "white"),
         part("pupils", _pair(ellipsoid([0.018, 0.018, 0.01], steps(16, tessellation, 8)), 0.13, 0.0, 0.397), "navy"),
         part("shirt", _shirt(tessellation), "cloth"),
-        part("hair", _strips(_strands(steps(POINTS, tessellation, 5), rng)), "hair", sheets=True),
+        part("hair", _strips(strands(steps(POINTS, tessellation, 5), rng)), "hair", sheets=True),
     ]
 
 
@@ -35,14 +35,19 @@ def _pair(shape: Surface, x: float, y: float, z: float) -> list[Surface]:
 
 def _head(tessellation: float) -> list[Surface]:
     """Skull with jaw, nose, ears and neck: closed pieces that reach into each other."""
-    skull = ellipsoid([1, 1, 1], steps(64, tessellation, 12))
-    below = np.clip(-skull.vertices[:, 1], 0, 1)
-    narrow = np.stack([1 - 0.28 * below**1.5, 1 + 0.12 * below, 1 - 0.10 * below**2], axis=1)
     nose = ellipsoid([0.045, 0.10, 0.075], steps(24, tessellation, 8)).moved(0, -0.08, 0.405)
     ears = _pair(ellipsoid([0.03, 0.085, 0.055], steps(20, tessellation, 8)), 0.355, -0.04, -0.02)
     lips = _pair(ellipsoid([0.06, 0.02, 0.03], steps(16, tessellation, 8)), 0.03, -0.245, 0.345)
     neck = tube(smooth([(0, -0.8, -0.06), (0, -0.55, -0.06), (0, -0.2, -0.02)], 8), 0.17, steps(32, tessellation, 8))
-    return [Surface(skull.vertices * narrow * SKULL, skull.faces), nose, *ears, *lips, neck]
+    return [skull(tessellation), nose, *ears, *lips, neck]
+
+
+def skull(tessellation: float = 1.0) -> Surface:
+    """Narrower towards the jaw."""
+    round_ = ellipsoid([1, 1, 1], steps(64, tessellation, 12))
+    below = np.clip(-round_.vertices[:, 1], 0, 1)
+    narrow = np.stack([1 - 0.28 * below**1.5, 1 + 0.12 * below, 1 - 0.10 * below**2], axis=1)
+    return Surface(round_.vertices * narrow * SKULL, round_.faces)
 
 
 def _shirt(tessellation: float) -> Surface:
@@ -66,7 +71,7 @@ def _roots(rng: np.random.Generator) -> Float[Array, "n 3"]:
     return points[points[:, 1] > hairline]
 
 
-def _strands(count: int, rng: np.random.Generator) -> Float[Array, "n p 3"]:
+def strands(count: int, rng: np.random.Generator) -> Float[Array, "n p 3"]:
     """Paths: out of the scalp, combed away from a parting, then down under gravity, kept off the skull."""
     normal = _roots(rng)
     place = normal * SKULL * 0.99

@@ -1,5 +1,7 @@
 // The net of this page run on this device at given points, and held against what NumPy got for them.
 
+import { device } from "./device.js";
+
 // Coefficients of `n` points, one after the other, padded to whole vectors: positions, normals and, for nets that take
 // them, coordinates in the atlas are Float32Arrays.
 export function evaluate(renderer, positions, normals, uv) {
@@ -50,14 +52,9 @@ export function certify(renderer) {
   for (let i = 0; i < count; ++i)
     for (let k = 0; k < coefficients; ++k) {
       const error = Math.abs(found[i * stride + slots[k]] - expected[i * coefficients + k]);
-      // NaN counts as the worst
-      if (!(error <= most)) most = error;
+      // the greater of a number and NaN is NaN
+      most = Math.max(most, error);
       sum += error;
     }
   return { points: count, error_max: most, error_mean: sum / (count * coefficients), device: device(renderer.gl) };
-}
-
-export function device(gl) {
-  const words = gl.getExtension("WEBGL_debug_renderer_info");
-  return String(gl.getParameter(words ? words.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
 }

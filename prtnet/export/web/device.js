@@ -20,3 +20,9 @@ export function checkLimits(gl, needs) {
     throw new Refused(`This device's WebGL 2 is too small for the scene: ${words.join("; ")}.`);
   }
 }
+
+// The graphics card in the words of its driver.
+export function device(gl) {
+  const words = gl.getExtension("WEBGL_debug_renderer_info");
+  return String(gl.getParameter(words ? words.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+}

@@ -1,7 +1,8 @@
 // An implicit surface as the points that pixels show, sphere-traced: the uniforms are those of
 // prtnet/export/sphere_tracing.py.
 
-import { FRAME, marched } from "./shaders.js";
+import { marched } from "./methods.js";
+import { FRAME } from "./shaders.js";
 
 export class Marched {
   constructor(renderer) {

@@ -3,29 +3,14 @@
 
 import { certify, evaluate } from "./certify.js";
 import { Controls } from "./controls.js";
-import { Refused, contextOf } from "./device.js";
+import { contextOf } from "./device.js";
 import { load } from "./model.js";
+import { breath, guard, refuse, say } from "./notice.js";
 import { Renderer } from "./renderer.js";
 import { turned } from "./sh.js";
 import { Viewer } from "./viewer.js";
 
 const about = JSON.parse(document.getElementById("about").textContent);
-const message = document.getElementById("message");
-const breath = () => new Promise((resume) => setTimeout(resume, 30));
-
-function say(text, kind = "") {
-  message.textContent = text;
-  message.className = kind;
-  message.hidden = !text;
-}
-
-function refuse(error) {
-  const words = error instanceof Refused ? error.message : `Something went wrong: ${error.message}`;
-  say(words, "refusal");
-  for (const control of document.querySelectorAll("#controls input, #controls select, #controls button, header button, #certify"))
-    control.disabled = true;
-  if (!(error instanceof Refused)) console.error(error);
-}
 
 function certificate() {
   const found = about.certificate;
@@ -41,23 +26,6 @@ function checked(renderer) {
   const found = certify(renderer);
   const mean = found.error_mean.toExponential(1);
   return `${found.device}: at most ${found.error_max.toExponential(1)}, ${mean} on average, over ${found.points} points.`;
-}
-
-// Loses and wins back: the browser takes a context away when a driver restarts or a laptop changes graphics cards.
-function guard(canvas, viewer) {
-  canvas.addEventListener("webglcontextlost", (event) => {
-    event.preventDefault();
-    say("The graphics context was lost; waiting for it …", "busy");
-  });
-  canvas.addEventListener("webglcontextrestored", () => {
-    try {
-      viewer.renderer.build();
-      say("");
-      viewer.changed();
-    } catch (error) {
-      refuse(error);
-    }
-  });
 }
 
 async function start() {

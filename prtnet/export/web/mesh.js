@@ -43,4 +43,15 @@ export class Mesh {
     });
     gl.disable(gl.DEPTH_TEST);
   }
+
+  // The triangles that cast shadows, as a lamp's matrix has them, into the depths that are bound.
+  cast(made, shadow) {
+    const { renderer } = this;
+    const { gl, model } = renderer;
+    gl.bindVertexArray(this.vertices);
+    renderer.put(made, "uniformMatrix4fv", "shadow", false, shadow);
+    renderer.put(made, "uniform3fv", "box_low", model.box.low);
+    renderer.put(made, "uniform3fv", "box_span", model.box.span);
+    gl.drawElements(gl.TRIANGLES, 3 * model.casters.count, gl.UNSIGNED_INT, 0);
+  }
 }

@@ -1,21 +1,14 @@
 // The scene of this page, out of its data blocks.
 
-import { layersOf, unpack } from "./unpack.js";
+import { blocksOf, mesh } from "./scene.js";
+import { layersOf } from "./unpack.js";
 
 // GLSL; the last two of implicit surfaces.
 const TEXTS = ["net", "gloss", "surface", "unshadowed"];
 
-// The header of the page, and its arrays as the renderer takes them. Blocks leave the document once they are read.
+// The header of the page, and its arrays as the renderer takes them.
 export async function load(about) {
-  if (typeof DecompressionStream === "undefined") {
-    throw new Error("This browser is too old for this page: it cannot unpack gzip (DecompressionStream).");
-  }
-  const blocks = {};
-  for (const [name, block] of Object.entries(about.blocks)) {
-    const element = document.getElementById(`data-${name}`);
-    blocks[name] = await unpack(block, element.textContent);
-    element.remove();
-  }
+  const blocks = await blocksOf(about);
   const text = (name) => new TextDecoder().decode(blocks[name]);
   return {
     ...about,
@@ -28,30 +21,6 @@ export async function load(about) {
     images: about.images.map((image, i) => ({ ...image, values: blocks[`image${i}`] })),
     checks: checks(blocks.checks, about),
   };
-}
-
-function mesh(blocks, parts) {
-  return {
-    positions: widened(blocks.positions),
-    normals: blocks.normals,
-    uv: blocks.uv,
-    netUv: blocks.net_uv,
-    albedo: painted(blocks.part, parts),
-    faces: blocks.faces,
-  };
-}
-
-// Vertex attributes stand at multiples of four bytes.
-function widened(steps) {
-  const out = new Uint16Array((steps.length / 3) * 4);
-  for (let i = 0; 3 * i < steps.length; ++i) out.set(steps.subarray(3 * i, 3 * i + 3), 4 * i);
-  return out;
-}
-
-function painted(part, parts) {
-  const out = new Float32Array(3 * part.length);
-  part.forEach((own, i) => out.set(parts[own].albedo, 3 * i));
-  return out;
 }
 
 function checks(bits, { slots }) {

@@ -1,46 +1,29 @@
-// WebGL 2: the scene as surface points of pixels, then their colours by each method, split or compared. The points are
-// drawn again only for another view. Draws when told to, and never by itself.
+// WebGL 2: the scene as surface points of pixels, then their colours by each method, split or compared. Draws when told
+// to, and never by itself.
 
-import { Refused, checkLimits } from "./device.js";
+import { Graphics } from "./graphics.js";
 import { Marched } from "./implicit.js";
 import { Mesh } from "./mesh.js";
-import { DIFFERENCE, FRAME, SHOWN, method, points } from "./shaders.js";
+import { method, points } from "./methods.js";
+import { FRAME } from "./shaders.js";
 
 const UNITS = {
-  transfer_map: 0, places: 1, finishes: 2, net_places: 3, first: 3, second: 4, positions: 1, normals: 2, uvs: 3,
+  transfer_map: 0, places: 1, finishes: 2, thirds: 3, first: 3, second: 4, positions: 1, normals: 2, uvs: 3,
 };
 const FIRST_IMAGE = 5;
 
-export class Renderer {
+export class Renderer extends Graphics {
   constructor(gl, model) {
-    this.gl = gl;
-    this.canvas = gl.canvas;
-    this.model = model;
+    super(gl, model, UNITS, ["net", model.other]);
     this.build();
   }
 
   // Everything that a context holds; again after a lost one is back.
   build() {
-    const gl = this.gl;
-    checkLimits(gl, this.model.needs);
-    this.programs = {};
-    this.targets = {};
-    this.seen = "";
+    this.begun();
     this.shape = this.model.functions.surface ? new Marched(this) : new Mesh(this);
     this.pages = this.model.pages.map((page) => this.transferMap(page));
     this.images = this.model.images.map((image) => this.image(image));
-    gl.enable(gl.CULL_FACE);
-    this.frame = gl.createVertexArray();
-  }
-
-  texture(kind, filter, fill) {
-    const gl = this.gl;
-    const texture = gl.createTexture();
-    gl.bindTexture(kind, texture);
-    for (const name of ["MIN_FILTER", "MAG_FILTER"]) gl.texParameteri(kind, gl[`TEXTURE_${name}`], filter);
-    for (const name of ["WRAP_S", "WRAP_T"]) gl.texParameteri(kind, gl[`TEXTURE_${name}`], gl.CLAMP_TO_EDGE);
-    fill(gl);
-    return texture;
   }
 
   transferMap({ side, images }) {
@@ -65,120 +48,18 @@ export class Renderer {
     });
   }
 
-  // A program by its name, compiled when it is first asked for.
+  texts(name) {
+    return [FRAME, name === "points" ? points(this.model) : method(name, this.model)];
+  }
+
   program(name) {
-    if (this.programs[name]) return this.programs[name];
-    const texts = {
-      surface: () => this.shape.texts(),
-      shown: () => [FRAME, SHOWN],
-      difference: () => [FRAME, DIFFERENCE],
-      points: () => [FRAME, points(this.model)],
-      net: () => [FRAME, method("net", this.model)],
-      [this.model.other]: () => [FRAME, method(this.model.other, this.model)],
-    };
-    const started = performance.now();
-    const program = this.link(...texts[name]());
-    const made = { program, places: {}, milliseconds: performance.now() - started };
-    this.gl.useProgram(program);
-    for (const [sampler, unit] of Object.entries(UNITS)) this.put(made, "uniform1i", sampler, unit);
-    this.model.images.forEach(({ name }, i) => this.put(made, "uniform1i", name, FIRST_IMAGE + i));
-    return (this.programs[name] = made);
+    const known = name in this.programs;
+    const made = super.program(name);
+    if (!known) this.model.images.forEach(({ name }, i) => this.put(made, "uniform1i", name, FIRST_IMAGE + i));
+    return made;
   }
 
-  link(vertex, fragment) {
-    const gl = this.gl;
-    const program = gl.createProgram();
-    for (const [kind, text] of [
-      [gl.VERTEX_SHADER, vertex],
-      [gl.FRAGMENT_SHADER, fragment],
-    ]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-      const logs = gl.getAttachedShaders(program).map((shader) => gl.getShaderInfoLog(shader));
-      throw new Refused(`The shader does not compile here: ${[gl.getProgramInfoLog(program), ...logs].join(" ").trim()}`);
-    }
-    return program;
-  }
-
-  put(made, call, name, ...values) {
-    if (!(name in made.places)) made.places[name] = this.gl.getUniformLocation(made.program, name);
-    if (made.places[name]) this.gl[call](made.places[name], ...values);
-  }
-
-  // One frame. `view`: method, split (0 to 1), camera, eye, light, exposure, diffuse, specular, exponent, paint, paper.
-  draw(view) {
-    const { gl, canvas } = this;
-    const { other } = this.model;
-    if (gl.isContextLost()) return;
-    this.surface(view);
-    const split = view.method === "split";
-    const both = view.method === "error";
-    const bar = Math.round(view.split * canvas.width);
-    const first = this.picture("first", () => {
-      if (split) this.within(0, bar, () => this.shade("net", view));
-      else this.shade(both ? "net" : view.method, view);
-      if (split) this.within(bar, canvas.width, () => this.shade(other, view));
-    });
-    const pictures = both ? [first, this.picture("second", () => this.shade(other, view))] : [first];
-    this.show(both ? "difference" : "shown", pictures, view.paper);
-  }
-
-  // A texture of what `draw` draws.
-  picture(name, draw) {
-    const { frame, textures } = this.target(name, [this.gl.RGBA16UI]);
-    this.begin(frame);
-    draw();
-    return textures[0];
-  }
-
-  within(left, right, draw) {
-    const gl = this.gl;
-    gl.enable(gl.SCISSOR_TEST);
-    gl.scissor(left, 0, right - left, this.canvas.height);
-    draw();
-    gl.disable(gl.SCISSOR_TEST);
-  }
-
-  show(name, pictures, paper) {
-    const gl = this.gl;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    const made = this.program(name);
-    gl.useProgram(made.program);
-    gl.bindVertexArray(this.frame);
-    this.bind(UNITS.first, gl.TEXTURE_2D, pictures);
-    this.put(made, "uniform3fv", "paper", paper);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-  }
-
-  begin(frame) {
-    const { gl, canvas } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearBufferuiv(gl.COLOR, 0, [0, 0, 0, 0]);
-  }
-
-  // Which point of the scene each pixel shows, unless that is known.
-  surface(view) {
-    const { gl, canvas, model } = this;
-    const seen = [canvas.width, canvas.height, ...view.camera].join();
-    if (seen === this.seen) return;
-    const bits = [gl.RGBA32UI, gl.RGBA32UI, ...(model.takes_uv ? [gl.RG32UI] : [])];
-    const { frame } = this.target("surface", bits, true);
-    this.begin(frame);
-    for (let i = 1; i < bits.length; ++i) gl.clearBufferuiv(gl.COLOR, i, [0, 0, 0, 0]);
-    gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
-    const made = this.program("surface");
-    gl.useProgram(made.program);
-    this.shape.draw(made, view);
-    this.seen = seen;
-  }
-
-  // The colours of all pixels by one method into what is bound.
+  // The colours of all pixels by one method into what is bound. `view` has light, diffuse, specular, exponent and paint.
   shade(name, view) {
     const { gl, model } = this;
     const made = this.program(name);
@@ -204,62 +85,11 @@ export class Renderer {
     });
   }
 
-  bind(first, kind, textures) {
-    const gl = this.gl;
-    textures.forEach((texture, i) => {
-      gl.activeTexture(gl.TEXTURE0 + first + i);
-      gl.bindTexture(kind, texture);
-    });
-  }
-
   bindImages() {
     const gl = this.gl;
     this.images.forEach((texture, i) => {
       gl.activeTexture(gl.TEXTURE0 + FIRST_IMAGE + i);
       gl.bindTexture(this.model.images[i].size[2] ? gl.TEXTURE_3D : gl.TEXTURE_2D, texture);
     });
-  }
-
-  // A framebuffer of the canvas's size with integer textures of these formats.
-  target(name, formats, deep = false) {
-    const { gl, canvas } = this;
-    const { width, height } = canvas;
-    const old = this.targets[name];
-    if (old && old.width === width && old.height === height) return old;
-    if (old) this.drop(old);
-    const textures = formats.map((format) =>
-      this.texture(gl.TEXTURE_2D, gl.NEAREST, () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height)),
-    );
-    const depth = deep ? gl.createRenderbuffer() : null;
-    if (depth) {
-      gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
-      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH24_STENCIL8, width, height);
-    }
-    return (this.targets[name] = { width, height, textures, depth, frame: this.framebuffer(textures, depth) });
-  }
-
-  drop({ frame, textures, depth }) {
-    const gl = this.gl;
-    gl.deleteFramebuffer(frame);
-    gl.deleteRenderbuffer(depth);
-    for (const texture of textures) gl.deleteTexture(texture);
-  }
-
-  framebuffer(textures, depth) {
-    const gl = this.gl;
-    const frame = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    const places = textures.map((_, i) => gl.COLOR_ATTACHMENT0 + i);
-    textures.forEach((texture, i) => gl.framebufferTexture2D(gl.FRAMEBUFFER, places[i], gl.TEXTURE_2D, texture, 0));
-    gl.drawBuffers(places);
-    if (depth) gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_STENCIL_ATTACHMENT, gl.RENDERBUFFER, depth);
-    return frame;
-  }
-
-  // Waits until all that was drawn is there.
-  finish() {
-    const gl = this.gl;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
 }

@@ -1,0 +1,49 @@
+"""A smooth closed surface around a scene: where hair and foliage are looked at from outside.
+
+The points at one distance from all triangles, holes and pockets filled, blurred a little.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from prtnet import PrtnetError
+from prtnet.data.nearest import boxes_of, nearest
+from prtnet.data.part import Part
+from prtnet.data.scene import IDENTITY, Scene, assemble
+
+Array = np.ndarray
+
+DISTANCE = 0.08  # unit lengths, of the hull from the scene
+RESOLUTION = 64  # voxels along the unit box
+
+
+def hull_of(scene: Scene, *, distance: float = DISTANCE, resolution: int = RESOLUTION) -> Scene:
+    """The hull of a scene, both in unit coordinates: one part, albedo 1, normals outwards."""
+    from skimage.filters import gaussian
+    from skimage.measure import label, marching_cubes
+
+    scene = scene.centred()
+    voxel = 2 / resolution
+    if not 2 * voxel <= distance <= 1:
+        raise PrtnetError(f"hull: found a distance of {distance:g}, expected {2 * voxel:g} to 1 unit lengths")
+    low = scene.vertices.min(axis=0) - distance - 4 * voxel
+    counts = np.ceil((scene.vertices.max(axis=0) + distance + 4 * voxel - low) / voxel).astype(int) + 1
+    away = _distances(scene, low, counts, voxel)
+    # what no way leads to from outside is inside
+    free = np.asarray(label(away > distance, connectivity=1))
+    values = np.where(free == free[0, 0, 0], away - distance, -voxel)
+    vertices, faces, _, _ = marching_cubes(gaussian(values, 1.0), 0.0, gradient_direction="descent")
+    places = low + vertices.astype(np.float64) * voxel
+    part = Part("hull", places, faces.astype(np.int64), albedo=np.ones(3, np.float32), two_sided=False)
+    return replace(assemble(f"hull of {scene.name}", [part]), frame=IDENTITY)
+
+
+def _distances(scene: Scene, low: Array, counts: Array, voxel: float) -> Float[Array, "x y z"]:
+    corners = scene.vertices[scene.faces]
+    order, boxes = boxes_of(corners)
+    points = low + voxel * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    face, where = np.empty(len(points), np.int64), np.empty((len(points), 3))
+    nearest(points, np.ascontiguousarray(corners[order]), boxes, face, where)
+    return np.linalg.norm(points - where, axis=1).reshape(*counts)

@@ -1,0 +1,48 @@
+"""The lights of a database, the same whenever they are drawn; a longer list begins with the shorter one."""
+
+import zlib
+
+import numpy as np
+from jaxtyping import Bool
+
+from prtnet.data.lighting import direct, scenario
+from prtnet.data.lighting.lamp import Lighting
+from prtnet.data.samples import Samples
+from prtnet.data.scene import Scene
+from prtnet.data.tracer import Tracer
+from prtnet.pipeline.data_driven import options as words
+from prtnet.pipeline.job import Job
+
+TRAINING, UNSEEN = "training", "unseen"
+PROBES = 64  # lights that tell which surfaces are worth measuring
+
+
+def lights_of(job: Job, scene: Scene, tracer: Tracer, purpose: str, keyframe: int = 0) -> list[Lighting]:
+    """Those to learn from, or the unseen ones, of a keyframe. Raises PrtnetError for scenarios without light."""
+    options = job.config.data_driven
+    return scenario.draw(
+        words.kinds(options, purpose),
+        options.unseen if purpose == UNSEEN else options.configurations,
+        scene,
+        tracer,
+        rng_of(job, purpose, keyframe),
+        colours=options.colours,
+        bands=job.config.transfer.bands,
+    )
+
+
+def rng_of(job: Job, purpose: str, *numbers: int) -> np.random.Generator:
+    """A generator of its own for what is learned from and for what is not seen."""
+    return np.random.default_rng([job.config.seed, zlib.crc32(purpose.encode()), *numbers])
+
+
+def reached(job: Job, points: Samples) -> Bool[np.ndarray, " n"]:
+    """Which points of the scene get light from any of the first lights that are learned from.
+
+    What none of them reaches measures nothing: on a Cornell box that is lit from within, half of the surface.
+    """
+    lights = lights_of(job, job.scene, job.tracer, TRAINING)[:PROBES]
+    if any(each.environment is not None for each in lights):
+        return np.ones(len(points.face), bool)
+    places = points.positions, points.normals, points.geometric_normals
+    return np.any(direct.irradiances(lights, job.tracer, *places) > 0, axis=(0, 2))

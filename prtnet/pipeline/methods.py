@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,8 +63,8 @@ def makers(
     if (direct := baked.texture) and (learned := baked.operator) and isinstance(drawing, Raster):
         found["data_driven"] = lambda: _data_driven(job, direct, learned, drawing)
     if isinstance(drawing, Raster):
-        for name, fitted in linear.fits(job, baked, trained).items():
-            found[name] = lambda fitted=fitted: Drawn(*linear.drawn(job, fitted, drawing))
+        for name in linear.named(job):
+            found[name] = partial(_linear, job, baked, trained, drawing, name)
     return found
 
 
@@ -122,6 +123,10 @@ def _lit_texture(job: Job, baked: BakedTexture, drawing: Raster) -> Drawn:
         "train_seconds": None,
     }
     return Drawn(shaded, lambda pixels: costs)
+
+
+def _linear(job: Job, baked: Baked, trained: Trained | None, drawing: Raster, name: str) -> Drawn:
+    return Drawn(*linear.drawn(job, linear.fitted(job, baked, trained, name), drawing))
 
 
 def _data_driven(job: Job, baked: BakedTexture, learned: Operator, drawing: Raster) -> Drawn:

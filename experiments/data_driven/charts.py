@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from prtnet.chart import plot
 from prtnet.score import Row
@@ -18,6 +19,7 @@ CURVES = {
 }
 ACROSS = {"noise": "noise"}  # the figure that stands for what varies, where it is not of the same name
 KINDS = ("spot", "point", "directional", "environment")
+MOST = 2.0  # what errors are shown up to: without a lambda they are millions
 Curves = dict[str, dict[str, list[dict[str, Any]]]]
 
 
@@ -28,12 +30,19 @@ def curves(path: Path, found: Curves) -> None:
     figure = plot.canvas(14.4, 7.6)
     for place, (what, label) in enumerate(CURVES.items()):
         column, row = place % 3, place // 3
-        axes = figure.add_axes((0.05 + 0.325 * column, 0.575 - 0.49 * row, 0.275, 0.385))
+        axes = figure.add_axes((0.06 + 0.325 * column, 0.575 - 0.49 * row, 0.265, 0.385))
         plot.dress(axes)
         for colour, word in zip(plot.COLOURS, words, strict=False):
             _curve(axes, found[word].get(what, []), ACROSS.get(what, what), colour)
-        axes.set_xscale("symlog", linthresh=1e-5) if what == "ridge" else axes.set_xscale("log")
+        axes.set_xscale("symlog", linthresh=1e-4) if what == "ridge" else axes.set_xscale("log")
         axes.set_yscale("log")
+        axes.set_ylim(top=min(axes.get_ylim()[1], MOST))
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_minor_formatter(NullFormatter())
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        values = sorted({line[what] for word in words for line in found[word].get(what, [])})
+        if what not in ACROSS and what != "ridge":
+            axes.set_xticks(values)
         axes.set_xlabel(label, color=plot.INK)
         if column == 0:
             axes.set_ylabel("error, over the lightmaps' RMS", color=plot.INK)
@@ -63,7 +72,7 @@ def failure(path: Path, found: Curves) -> None:
     what the projection leaves. The axis ends at 1.2: an error of 1 is that of no indirect light at all."""
     words = [word for word in found if word.startswith("trained_on_") and found[word].get("lights")]
     figure = plot.canvas(10.2, 3.8)
-    axes = figure.add_axes((0.07, 0.13, 0.91, 0.78))
+    axes = figure.add_axes((0.07, 0.16, 0.91, 0.79))
     plot.dress(axes)
     axes.axhline(1, color=plot.FAINT, linestyle="--", linewidth=1)
     for place, word in enumerate(words):
@@ -76,7 +85,8 @@ def failure(path: Path, found: Curves) -> None:
                 axes.bar(at, min(line["projection"], 1.2), 0.18, color=plot.COLOURS[number])
                 high = min(line["unseen"], 1.2)
                 axes.text(at, high + 0.01, f"{line['unseen']:.2f}", ha="center", size=7, color=plot.FAINT)
-    axes.set_xticks(range(len(words)), [word.replace("_", " ") for word in words])
+    axes.set_xticks(range(len(words)), [word.removeprefix("trained_on_") for word in words])
+    axes.set_xlabel("trained on", color=plot.INK)
     axes.set_ylim(0, 1.3)
     axes.set_ylabel("error, over the lightmaps' RMS", color=plot.INK)
     axes.legend(frameon=False, labelcolor=plot.INK, ncols=4, loc="upper center", fontsize=9)

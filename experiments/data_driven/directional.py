@@ -153,7 +153,7 @@ def frames_of(points: Sequence[Path]) -> tuple[dict[str, list[Image]], dict[str,
     for point in points:
         spec = operator(job_of(point)).spec
         method = DataDrivenMethod(shown.raster, spec, shadows=shown.shadows)
-        name = f"data-driven, {point.name.rpartition('=')[2].replace('_', ' ')}"
+        name = f"data-driven, {point.name.rpartition('=')[2].removeprefix('trained_on_')}"
         frames[name] = [method.draw(shown.camera, each) for each in shown.lightings]
         sizes[name] = data_driven.byte_count(spec, TEXEL_BYTES)
     other = interreflected(job)

@@ -184,3 +184,12 @@ def test_what_a_database_is_too_small_for_has_no_line(database):
     found = curves.measure(few, database[1], noise=np.zeros(TEXELS), elements=16, rng=np.random.default_rng(0))
     assert found["configurations"] == found["ridge"] == []
     assert found["elements"][0]["elements"] == 1
+
+
+def test_errors_on_training_lights_are_of_those_that_were_learned_from(database):
+    training, unseen = database
+    missed = training.direct.copy()
+    missed[3] *= 1e-3
+    rest = curves.chosen(training, np.arange(len(missed)) != 3)
+    found, plain = (curves.by_elements(each, unseen, 1e-3) for each in (replace(training, direct=missed), rest))
+    assert [line["training"] for line in found] == pytest.approx([line["training"] for line in plain], rel=1e-3)

@@ -209,7 +209,7 @@ class DataDrivenOptions:
     ridge: float = 0.01  # lambda, with direct vectors of unit length
     channels: str = "shared"  # one basis for all colours, or separate
     gamma: float = 1.0  # of the space it is learned in: 1 is linear, 2.2 that of displays
-    renderer: str = "bounces"  # between diffuse surfaces; or subsurface or hair, by Mitsuba (the extra paths)
+    renderer: str = "bounces"  # between diffuse surfaces; or subsurface, by Mitsuba (the extra paths)
     size: int = 256  # texels along one side of the lightmaps
     directions: int = 512  # rays per texel and bounce; of Mitsuba, samples per texel
     bounces: int = 4

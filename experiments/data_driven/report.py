@@ -22,8 +22,8 @@ from prtnet.chart import tables
 
 HERE = Path(__file__).parent
 KINDS = ("spot", "point", "directional", "environment")
+ORDER = [*(f"trained_on_{name}" for name in (*KINDS, "all", "colours")), "separate_channels", "display_space"]
 FIGURES = ("training", "unseen", "projection", "coloured")
-METHODS = ("texture", "vertex", "lit_texture", "net", "pca", "cpca", "data_driven")
 # of a point that has no other methods: what is drawn beside the method itself
 PICTURES = ("direct", "data_driven", "projection", "lightmap", score.NOISE_FLOOR)
 SHOWN = ("trained_on_spot", "trained_on_all")  # whose sheets of views are kept
@@ -38,11 +38,11 @@ def word_of(folder: Path) -> str:
 
 
 def points_of(sweep: Path) -> dict[str, Path]:
-    """Finished points by their words. Raises PrtnetError for a sweep that has none."""
+    """Finished points by their words, in the order of `ORDER`. Raises PrtnetError for a sweep that has none."""
     found = {word_of(file.parent): file.parent for file in sorted(sweep.glob("*/score.json"))}
     if not found:
         raise PrtnetError(f"{sweep}: found no point with a score.json, expected a finished sweep")
-    return found
+    return {word: found[word] for word in sorted(found, key=lambda word: ORDER.index(word) if word in ORDER else 99)}
 
 
 def curves_of(points: dict[str, Path]) -> Curves:
@@ -65,8 +65,6 @@ def lights(curves: Curves) -> str:
         if word.startswith("trained_on_") and by_kind:
             cells = [_pair(by_kind.get(kind)) for kind in KINDS]
             rows.append([word.removeprefix("trained_on_"), *cells])
-    order = [*KINDS, "all", "colours"]
-    rows.sort(key=lambda row: order.index(row[0]) if row[0] in order else len(order))
     return markdown(["trained on", *(f"lit by {kind}" for kind in KINDS)], rows)
 
 

@@ -26,6 +26,9 @@ Array = np.ndarray
 
 # of a configuration whose direct vector is shorter than this share of the longest nothing can be learned
 DARK = 1e-6
+# a lightmap so many times as bright, over its direct vector, as the median is of a light that the measurement points all
+# but miss: divided by what little they see of it, a few such columns would outweigh all others
+MISSED = 3.0
 # eigenvalues below this share of the first are rounding
 RANK = 1e-10
 
@@ -46,7 +49,7 @@ class Learned:
     basis: Float32[Array, "banks n t"]
     matrices: Float32[Array, "keyframes banks n m"]
     used: int  # columns learned from: configurations, times colours where they share a bank
-    dark: int  # columns left out, since no measurement point is lit
+    dark: int  # columns left out, since the measurement points miss their light
 
 
 def learn(
@@ -76,7 +79,7 @@ def learn(
         learned.append((basis, np.stack(each)))
     used, dark = sum(len(bank.keyframe) for bank in banks), sum(int(bank.dark) for bank in banks)
     if dark:
-        log.info("data-driven: %d of %d columns light no measurement point and are left out", dark, used + dark)
+        log.info("data-driven: %d of %d columns are of lights that the points miss, and left out", dark, used + dark)
     return Learned(
         np.stack([basis for basis, _ in learned]).astype(np.float32),
         np.stack([matrix for _, matrix in learned], axis=1).astype(np.float32),
@@ -113,6 +116,8 @@ def normalised(lightmaps: Array, direct: Array, keyframe: Array) -> Columns:
             "data-driven: found no light at any measurement point in any configuration, expected lights that reach the"
             " scene; choose another data_driven.scenario or more data_driven.points"
         )
+    size = np.linalg.norm(maps[lit], axis=1) / norm[lit]
+    lit[lit] = size <= MISSED * np.median(size)
     rows = (maps[lit] / norm[lit, None]).astype(np.float32)
     return Columns(rows, (flat[lit] / norm[lit, None]).T, np.repeat(keyframe, colours)[lit], int(np.sum(~lit)))
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from prtnet import PrtnetError
-from prtnet.data import builtin, measurement
+from prtnet.data import builtin, hull, measurement
 from prtnet.data.hull import hull_of
 from prtnet.data.part import Part
 from prtnet.data.scene import assemble
@@ -125,17 +125,24 @@ def shells():
 
 def test_a_hull_is_closed_smooth_and_at_its_distance():
     scene = shells()
-    hull = hull_of(scene, distance=0.1)
-    mesh = trimesh.Trimesh(hull.vertices, hull.faces)
+    found = hull_of(scene, distance=0.1)
+    mesh = trimesh.Trimesh(found.vertices, found.faces)
     assert mesh.is_watertight
     # one surface, outwards: nothing within the balls
     assert mesh.volume > 0
     assert mesh.body_count == 1
-    away = Distance(scene).nearest(hull.vertices).distance
-    assert away.min() > 0.05
-    assert away.max() < 0.13
-    assert np.all(np.einsum("fi,fi->f", hull.face_normals, hull.normals[hull.faces].mean(axis=1)) > 0.5)
-    assert not hull.two_sided.any()
+    away = Distance(scene).nearest(found.vertices).distance
+    assert away.min() > 0.085
+    assert away.max() < 0.115
+    assert abs(np.median(away) - 0.1) < 0.002
+    assert np.all(np.einsum("fi,fi->f", found.face_normals, found.normals[found.faces].mean(axis=1)) > 0.5)
+    assert not found.two_sided.any()
+
+
+def test_what_is_skipped_far_from_a_hull_changes_nothing(monkeypatch):
+    found = hull_of(shells(), distance=0.15, resolution=32)
+    monkeypatch.setattr(hull, "BLOCK", 1)
+    np.testing.assert_allclose(found.vertices, hull_of(shells(), distance=0.15, resolution=32).vertices, atol=1e-6)
 
 
 def test_points_on_a_hull():

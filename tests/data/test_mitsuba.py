@@ -155,15 +155,16 @@ def test_fibres_against_the_path_integrator(mi, monkeypatch):
         "radiance",
         lambda made, start, *rest, **more: own(made, kept.setdefault("rays", start), *rest, **more),
     )
-    ours = hair.lightmaps(curves, [POINT], samples=128, seed=1)
+    ours = hair.lightmaps(curves, [POINT], samples=96, seed=1)
     made = hair.made_of(curves, extra=mitsuba.emitters(POINT))
-    theirs, error = by_integrator(mi, made, kept["rays"], 240, 128, "path")
+    theirs, error = by_integrator(mi, made, kept["rays"], 240, 96, "path")
     agree(ours.values[0], ours.noise, theirs, error, 0.04)
 
 
-def test_lights_add_up_and_furnace_stays_white(mi):
+def test_lights_add_up_and_furnace_stays_white(mi, monkeypatch):
     """The paths do not depend on the light: sums are exact. A medium that takes nothing, under even light, shows it,
-    but for what a rough boundary loses between its facets."""
+    but for what a rough boundary loses between its facets, which is little where it is almost smooth."""
+    monkeypatch.setattr(subsurface, "ROUGHNESS", 0.03)
     scene = ball((1.0, 1.0, 1.0))
     points = area_uniform(scene, 48, np.random.default_rng(0))
     lights = [POINT, SPOT, scaled(POINT, 3.0), together([POINT, SPOT, WHITE]), WHITE]
@@ -171,8 +172,8 @@ def test_lights_add_up_and_furnace_stays_white(mi):
     point, spot, thrice, all_, white = made.values
     np.testing.assert_allclose(thrice, 3 * point, rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(all_, point + spot + white, rtol=1e-4, atol=1e-5)
-    assert 0.9 < white.mean() < 1.0
-    again = subsurface.lightmaps(scene, points, [WHITE], samples=256, density=4.0, seed=2).values[0]
+    assert 0.97 < white.mean() < 1.005
+    again = subsurface.lightmaps(scene, points, [WHITE, *lights[:4]], samples=256, density=4.0, seed=2).values[0]
     assert np.abs(white - again).max() > 1e-4
 
 

@@ -186,6 +186,14 @@ def test_a_lamp_that_is_dragged(page, scene, raster):
     assert page.evaluate("document.getElementById('bars').toDataURL()") != bars
 
 
+def test_a_lamp_beyond_the_picture_has_its_handle_at_the_edge(page):
+    page.evaluate("prtnet.controls.move({ position: [-2, 0, 0] })")
+    left, top, right, bottom = (*place(page, "lamp", (0, 0)), *place(page, "lamp", (1, 1)))
+    edges = (*place(page, "stage", (0, 0)), *place(page, "stage", (1, 1)))
+    assert (left, right) == pytest.approx((edges[0] + 2, edges[0] + 28), abs=1)
+    assert edges[1] < top < bottom < edges[3]
+
+
 def test_sliders_set_the_lamp(page, scene, raster):
     page.evaluate("prtnet.controls.set({ light: 1 })")
     for name, value in (("x", 0.2), ("to_y", -0.6), ("outer", 40)):
@@ -291,6 +299,7 @@ def test_radiance_is_shown_as_it_is(opened, raster, tmp_path):
 
 
 def test_the_console_is_clean_and_nothing_leaves(opened):
-    # last: all that the page did before
-    assert [text for text in opened.complaints() if "context" not in text.lower()] == []
+    # last: all that the page did before; the driver's remark is on coefficients that are read for the bars
+    remarks = ("context", "gpu stall due to readpixels")
+    assert [text for text in opened.complaints() if not any(each in text.lower() for each in remarks)] == []
     assert {address.split(":")[0] for address in opened.requests()} <= {"file", "data", "blob"}

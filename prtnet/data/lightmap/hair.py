@@ -20,6 +20,7 @@ from prtnet.data.lighting.lamp import Lighting
 from prtnet.data.lightmap import many_lights, mitsuba
 from prtnet.data.lightmap.rendered import Rendered
 from prtnet.data.lightmap.strands import TEXELS, Strands, blend, texels, text
+from prtnet.data.normals import face_cross
 from prtnet.data.part import Part
 
 Array = np.ndarray
@@ -175,8 +176,7 @@ def made_of(
 
 
 def _normals(body: Part) -> Float64[Array, "v 3"]:
-    from prtnet.data.normals import face_cross
-
+    """Of vertices, by the areas around them."""
     cross = face_cross(body.vertices, body.faces)
     sums = np.zeros_like(np.asarray(body.vertices, np.float64))
     for corner in range(3):

@@ -53,7 +53,7 @@ def check() -> None:
     if found is None:
         which = f"{SETTING}={given}" if given else ", ".join(libraries()) or "no libLLVM in the usual folders"
         raise PrtnetError(
-            f"mitsuba: found no LLVM that it can compile with ({which}), expected version 16 or newer: type"
+            f"mitsuba: found no LLVM that it can compile with ({which}), expected one such as version 19: type"
             f" `{INSTALL_LLVM}`, or set {SETTING} to the file of another"
         )
     os.environ[SETTING] = found

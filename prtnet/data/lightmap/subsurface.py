@@ -19,7 +19,9 @@ from prtnet.data.scene import Scene
 
 Array = np.ndarray
 
-# of the boundary: microfacets after Walter et al. 2007 (GGX), which pass the light of lamps without a size
+# of the boundary: microfacets after Walter et al. 2007 (GGX), which pass the light of lamps without a size. Smoother
+# ones take more samples; rougher ones lose more light between facets, at every reflection inside: a medium that takes
+# nothing shows 0.71 of even light at 0.3, 0.51 at 0.5
 ROUGHNESS, INDEX = 0.3, 1.4
 # how far off the surface the rays start that look at it, in unit lengths
 NEAR = 1e-4

@@ -1,5 +1,7 @@
 // The lamp, and what it points at, as handles on the picture: dragged along it, with Shift nearer and farther.
 
+const EDGE = 15; // CSS pixels
+
 export class Handles {
   // `moved(name, point)`: a handle is somewhere else.
   constructor(viewer, stage, moved) {
@@ -46,13 +48,15 @@ export class Handles {
     });
   }
 
-  // Where the state has them.
+  // Where the state has them; at the edge of the picture where they are beyond it.
   place() {
-    const { state } = this.viewer;
+    const { state, renderer } = this.viewer;
+    const { clientWidth, clientHeight } = renderer.canvas;
+    const within = (value, length) => Math.min(length - EDGE, Math.max(EDGE, value)).toFixed(1);
     for (const [name, handle] of Object.entries(this.all)) {
       const found = this.viewer.placed(state[name]);
       handle.hidden = !found || (name === "target" && state.kind === "point");
-      if (found) handle.style.transform = `translate(${found.x.toFixed(1)}px, ${found.y.toFixed(1)}px)`;
+      if (found) handle.style.transform = `translate(${within(found.x, clientWidth)}px, ${within(found.y, clientHeight)}px)`;
     }
     this.all.position.style.setProperty("--hue", this.viewer.hex);
   }

@@ -2,6 +2,8 @@
 
 import logging
 
+import numpy as np
+
 from prtnet import store
 from prtnet.export import data_driven as files
 from prtnet.pipeline.data_driven.learn import Operator
@@ -20,9 +22,9 @@ def export(job: Job, made: Operator) -> None:
     written = all((job.out / name).exists() for name in files.NAMES)
     if not (written and stamp.exists() and stamp.read_text() == key):
         stamp.unlink(missing_ok=True)
-        measured = data_driven_check.errors_and_timing(
-            made.spec, made.unseen.direct[:CHECKED_LIGHTS], made.unseen.keyframe[:CHECKED_LIGHTS]
-        )
+        unseen = made.unseen
+        few = np.unique(np.linspace(0, len(unseen.direct) - 1, CHECKED_LIGHTS).round().astype(int))
+        measured = data_driven_check.errors_and_timing(made.spec, unseen.direct[few], unseen.keyframe[few])
         files.write(job.out, made.spec, measured, version=version)
         store.write_text(stamp, key)
         log.info("export: %s and the shaders that read it", job.out / files.SPEC)

@@ -53,6 +53,19 @@ def test_solids_that_reach_into_each_other():
     assert complaint(scene, (0.2, 0.25, 0.0)) == ""
 
 
+def test_a_solid_is_one_whatever_is_within():
+    """All that is seen from the lamp are fronts: those of slabs around it, buried in a block."""
+    slabs = []
+    for axis in range(3):
+        for side in (-0.06, 0.04):
+            low, high = [-0.1] * 3, [0.1] * 3
+            low[axis], high[axis] = side, side + 0.02
+            slabs.append((low, high, "solid"))
+    assert complaint(scene_of((*WALLS, "sheets"), *slabs), (0.0, 0.0, 0.0)) == ""
+    buried = scene_of((*WALLS, "sheets"), *slabs, ([-0.5] * 3, [0.5] * 3, "solid"))
+    assert "inside geometry" in complaint(buried, (0.0, 0.0, 0.0))
+
+
 def test_a_shade_of_sheets_holds_a_lamp():
     scene = scene_of((*WALLS, "room"), (*TABLE, "sheets"))
     assert complaint(scene, LOW) == ""

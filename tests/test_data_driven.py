@@ -158,3 +158,14 @@ def test_configurations_that_light_no_point_are_left_out(made):
     dark[2] = 0
     found = learn(Pairs(made.lightmaps, dark), elements=3, ridge=0.01)
     assert (found.used, found.dark) == (3 * (LIGHTS - 1), 3)
+
+
+def test_lights_that_points_all_but_miss_are_left_out(made):
+    missed = made.direct.copy()
+    missed[2] *= 1e-3
+    found = learn(Pairs(made.lightmaps, missed), elements=3, ridge=0.01)
+    rest = np.arange(LIGHTS) != 2
+    plain = learn(Pairs(made.lightmaps[rest], made.direct[rest]), elements=3, ridge=0.01)
+    assert (found.used, found.dark) == (3 * (LIGHTS - 1), 3)
+    assert np.allclose(found.basis, plain.basis, atol=1e-6)
+    assert np.allclose(found.matrices, plain.matrices, atol=1e-5)

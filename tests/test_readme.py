@@ -58,6 +58,9 @@ def small(command: str) -> list[str]:
     sizes += ["export.web_texture=null"] if "export=web" in given else []
     if any(name in command for name in ("sdf_", "neural_sdf", ".yaml")):
         sizes += ["sdf.resolution=48", "sdf.width=32", "sdf.steps=400", "sdf.largest_error=1"]
+    if "method=data_driven" in given:
+        few = {"configurations": 24, "unseen": 4, "points": 32, "size": 64, "directions": 16, "samples": 4}
+        sizes += [f"data_driven.{key}={value}" for key, value in few.items()] + ["data_driven.tested_lights=1"]
     # whose charts fit into no fewer texels, and whose cells have more points than networks have weights
     if "scene=colonnade" in given:
         sizes = [word for word in sizes if not word.startswith("atlas.")] + ["atlas.size=512", "samples.count=40000"]

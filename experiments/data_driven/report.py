@@ -81,6 +81,17 @@ def varied(curves: Curves, what: str) -> str:
     return markdown([what, *(word.removeprefix("trained_on_") for word in found)], rows, 0)
 
 
+def large(curves: Curves) -> str:
+    """Points and configurations of the point that has most of both."""
+    found = curves.get("large_database", {})
+    rows = [
+        [what, str(line[what]), *_figures(line)[:3]]
+        for what in ("points", "configurations")
+        for line in found.get(what, [])
+    ]
+    return markdown(["of the large database", "first", *FIGURES[:3]], rows)
+
+
 def noise(curves: Curves) -> str:
     """Error on unseen lights by the share of the rays that lightmaps have."""
     found = {word: each["noise"] for word, each in curves.items() if each.get("noise") and _is_trained(word)}
@@ -198,7 +209,7 @@ def report(sweep: Path, page: Path) -> dict[str, str]:
     curves, rows = curves_of(points), methods_rows(points)
     made = {"lights": lights(curves), "spaces": spaces(curves), "matrices": matrices(curves), "noise": noise(curves)}
     made |= {name: varied(curves, name) for name in ("elements", "points", "ridge", "configurations")}
-    made |= {"drawn": drawn(points), "methods": methods(rows)}
+    made |= {"drawn": drawn(points), "methods": methods(rows), "large_points": large(curves)}
     # of experiments/data_driven/directional.py, where it has been run
     if (results / "directional.md").exists():
         made["directional"] = (results / "directional.md").read_text(encoding="utf-8")

@@ -11,7 +11,6 @@ An element more never raises the error on the configurations learned from: it ta
 |b^T Y (1 - K)|^2, where the eigenvalues of K = (D^T D + lambda I)^-1 D^T D lie in [0, 1].
 """
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,13 +20,12 @@ from scipy import linalg
 from prtnet import PrtnetError
 from prtnet.data_driven import to_space
 
-log = logging.getLogger(__name__)
 Array = np.ndarray
 
 # of a configuration whose direct vector is shorter than this share of the longest nothing can be learned
 DARK = 1e-6
-# a lightmap so many times as bright over its direct vector as the median is of a light that the measurement points all
-# but miss: divided by what little they see of it, a few such columns would outweigh all others
+# a lightmap so many times as bright, over its direct vector, as the median is of a light that the measurement points
+# all but miss: divided by what little they see of it, a few such columns would outweigh all others
 MISSED = 3.0
 # eigenvalues below this share of the first are rounding
 RANK = 1e-10
@@ -78,8 +76,6 @@ def learn(
         each = [ridge_of(c[:, bank.keyframe == k], bank.direct[:, bank.keyframe == k], ridge) for k in range(count)]
         learned.append((basis, np.stack(each)))
     used, dark = sum(len(bank.keyframe) for bank in banks), sum(int(bank.dark) for bank in banks)
-    if dark:
-        log.info("data-driven: %d of %d columns are of lights that the points miss, and left out", dark, used + dark)
     return Learned(
         np.stack([basis for basis, _ in learned]).astype(np.float32),
         np.stack([matrix for _, matrix in learned], axis=1).astype(np.float32),

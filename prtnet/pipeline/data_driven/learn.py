@@ -48,6 +48,9 @@ def operator(job: Job) -> Operator:
         spec, facts = _learned(ground, training, unseen)
         kept = job.store.put("data_driven", inputs, lambda path: data_driven.save(spec, path), facts)
     spec = of_scene(kept.path, job)
+    if dark := kept.facts["dark"]:
+        total = kept.facts["used"] + dark
+        log.info("data-driven: measurement points miss %d of %d lights in a colour; not learned from", dark, total)
     log.info(
         "data-driven: %d elements, RMSE %.4g on unseen lights, %.2f x the projection's",
         spec.elements, kept.facts["unseen"]["rmse"], kept.facts["unseen"]["ratio"],

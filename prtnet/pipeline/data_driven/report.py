@@ -116,7 +116,7 @@ def _facts(job: Job, made: Operator, scored: Scored) -> dict[str, Any]:
         "noise of a texel, standard error": f"{facts['noise'] / max(facts['level'], 1e-30):.2%} of their RMS",
         "seconds of the database": facts["training_seconds"],
         "CPU-seconds of basis and operator": facts["cpu_seconds"],
-        "columns that light no measurement point": facts["dark"],
+        "lights in a colour that measurement points miss": facts["dark"],
         "RMSE on the lights learned from": training["rmse"],
         "RMSE on unseen lights": unseen["rmse"],
         "of the projection onto the basis": unseen["projection"],

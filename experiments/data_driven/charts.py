@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from prtnet.chart import plot
 from prtnet.score import Row
@@ -37,6 +37,7 @@ def curves(path: Path, found: Curves) -> None:
         axes.set_xscale("symlog", linthresh=1e-4) if what == "ridge" else axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_ylim(top=min(axes.get_ylim()[1], MOST))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_minor_formatter(NullFormatter())
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

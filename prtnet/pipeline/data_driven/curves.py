@@ -24,7 +24,7 @@ from prtnet.pipeline.job import Job
 Array = np.ndarray
 Line = dict[str, Any]
 
-VERSION = 2  # raised when lines change for the same database
+VERSION = 3  # raised when lines change for the same database
 ELEMENTS = (1, 2, 4, 8, 16, 32, 64)
 POINTS = (16, 32, 64, 128, 256, 512, 1024)
 RIDGES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0)
@@ -179,12 +179,12 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
 def by_noise(
     training: Pairs, unseen: Pairs, noise: Float[Array, " t"], *, rng: np.random.Generator, **settings: Any
 ) -> list[Line]:
-    """Of lightmaps as noisy as those of fewer rays are, each by its brightness; asked is how near the lightmaps of all
+    """Of lightmaps as noisy as those of fewer rays are, each colour by its brightness; asked is how near the lightmaps of all
     rays are. `noise`, a line's own: the noise of its lightmaps, over their RMS."""
-    levels = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64), axis=(1, 2)))
+    levels = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64), axis=1))
     level = max(float(np.sqrt(np.mean(levels**2))), 1e-30)
     own = float(np.sqrt(np.mean(np.square(noise, dtype=np.float64)))) / level
-    spread = np.outer(levels / level, noise)[..., None].astype(np.float32)
+    spread = np.einsum("ch,t->cth", levels / level, noise).astype(np.float32)
     lines = []
     for share in SHARES:
         more = rng.standard_normal(training.lightmaps.shape, np.float32) * spread * np.float32(np.sqrt(share - 1))

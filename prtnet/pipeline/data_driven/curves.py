@@ -179,7 +179,7 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
 def by_noise(
     training: Pairs, unseen: Pairs, noise: Float[Array, " t"], *, rng: np.random.Generator, **settings: Any
 ) -> list[Line]:
-    """Of lightmaps as noisy as those of fewer rays are, each colour by its brightness; asked is how near the lightmaps of all
+    """Of lightmaps as noisy as those of fewer rays are, each colour by its brightness; asked is how near those of all
     rays are. `noise`, a line's own: the noise of its lightmaps, over their RMS."""
     levels = np.sqrt(np.mean(np.square(training.lightmaps, dtype=np.float64), axis=1))
     level = max(float(np.sqrt(np.mean(levels**2))), 1e-30)

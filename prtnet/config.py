@@ -198,6 +198,9 @@ class DataDrivenOptions:
 
     # kinds of lights that a configuration is drawn from in turns: point, spot, directional, environment
     scenario: list[str] = field(default_factory=lambda: ["spot"])
+    # lamps of one's own, unseen ones, that pictures are drawn under: [{kind: point, position: [x, y, z], colour: [r, g,
+    # b]}, {kind: spot, aim: [x, y, z], inner: DEGREES, outer: DEGREES, ...}, ...], in unit coordinates (2 long)
+    lights: list[dict[str, Any]] = field(default_factory=list)
     colours: str = "white"  # of lights, or random
     configurations: int = 128  # to learn from, for each keyframe
     unseen: int = 16  # others of the same scenario, or of `lit_by`, that errors are measured under

@@ -72,6 +72,7 @@ def left(command: str) -> set[str]:
     given = shlex.split(command)[1:]
     stages = next((argument for argument in given if argument.startswith("stages=")), "stages=[score]")
     names = {"report.html": "score" in stages, "page.html": "export=web" in given}
+    names |= {"data_driven.html": "method=data_driven" in given}
     return {name for name, there in names.items() if there}
 
 

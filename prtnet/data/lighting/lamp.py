@@ -98,7 +98,7 @@ def to_dict(lighting: Lighting) -> dict[str, Any]:
 
 
 def from_dict(words: Mapping[str, Any]) -> Lighting:
-    """Inverse of `to_dict`. Raises PrtnetError for what is no lamp."""
+    """Inverse of `to_dict`; what a lamp does not say is as in `Lamp`. Raises PrtnetError for what is no lamp."""
     try:
         lamps = tuple(_lamp(**lamp) for lamp in words["lamps"])
         distant = words.get("environment")
@@ -110,7 +110,14 @@ def from_dict(words: Mapping[str, Any]) -> Lighting:
     return Lighting(lamps, found)
 
 
-def _lamp(kind: str, colour: Any, position: Any, aim: Any, inner: float, outer: float) -> Lamp:
+def _lamp(
+    kind: str,
+    colour: Any = (1, 1, 1),
+    position: Any = (0, 0, 0),
+    aim: Any = (0, -1, 0),
+    inner: float = 20.0,
+    outer: float = 30.0,
+) -> Lamp:
     return Lamp(str(kind), _triple(colour), _triple(position), _triple(aim), float(inner), float(outer))
 
 

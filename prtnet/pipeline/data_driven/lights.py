@@ -5,8 +5,8 @@ import zlib
 import numpy as np
 from jaxtyping import Bool
 
-from prtnet.data.lighting import direct, scenario
-from prtnet.data.lighting.lamp import Lighting
+from prtnet.data.lighting import direct, placing, scenario
+from prtnet.data.lighting.lamp import Lighting, from_dict, together
 from prtnet.data.samples import Samples
 from prtnet.data.scene import Scene
 from prtnet.data.tracer import Tracer
@@ -18,9 +18,13 @@ PROBES = 64  # lights that tell which surfaces are worth measuring
 
 
 def lights_of(job: Job, scene: Scene, tracer: Tracer, purpose: str, keyframe: int = 0) -> list[Lighting]:
-    """Those to learn from, or the unseen ones, of a keyframe. Raises PrtnetError for scenarios without light."""
-    options = job.config.data_driven
-    return scenario.draw(
+    """Those to learn from, or the unseen ones, of a keyframe: first the user's own.
+
+    Raises PrtnetError for scenarios without light and own lamps inside geometry.
+    """
+    options, own = job.config.data_driven, own_of(job) if purpose == UNSEEN else []
+    placing.check(together(own), scene, tracer)
+    return own + scenario.draw(
         words.kinds(options, purpose),
         options.unseen if purpose == UNSEEN else options.configurations,
         scene,
@@ -29,6 +33,11 @@ def lights_of(job: Job, scene: Scene, tracer: Tracer, purpose: str, keyframe: in
         colours=options.colours,
         bands=job.config.transfer.bands,
     )
+
+
+def own_of(job: Job) -> list[Lighting]:
+    """The lamps that the options name, each by itself."""
+    return [from_dict({"lamps": [dict(lamp)]}) for lamp in job.config.data_driven.lights]
 
 
 def rng_of(job: Job, purpose: str, *numbers: int) -> np.random.Generator:

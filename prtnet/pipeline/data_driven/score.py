@@ -103,10 +103,12 @@ def _score(job: Job, made: Operator) -> tuple[dict[str, Array], dict[str, Any]]:
 
 
 def _pictures(job: Job, made: Operator, stages: Sequence[Stage]) -> list[Lit]:
-    """Views of the scene's path, each under some unseen lights, evenly chosen."""
+    """Views of the scene's path, each under the lamps that the options name, or some unseen ones, evenly chosen."""
     chosen, unseen = job.config.data_driven, made.unseen
     count = min(chosen.tested_lights, len(unseen.lightings))
     lights = np.unique(np.linspace(0, len(unseen.lightings) - 1, count).round().astype(int))
+    if chosen.lights:
+        lights = np.arange(len(chosen.lights))
     path = cameras_of(job)
     eyes = [path[i] for i in np.unique(np.linspace(0, len(path) - 1, chosen.tested_views).round().astype(int))]
     found = []

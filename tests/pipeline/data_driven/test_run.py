@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prtnet import PrtnetError, data_driven, score
+from prtnet import PrtnetError, data_driven, score, store
 from prtnet.pipeline import run
 from prtnet.pipeline.data_driven import database as databases
 from prtnet.pipeline.data_driven.learn import of_scene, operator
@@ -126,6 +126,18 @@ def test_keyframes_environments_and_separate_bases_run(tmp_path):
     rows, _ = score.read(tmp_path / "score.json")
     psnr = {row.method: row.psnr or 0 for row in rows}
     assert psnr["data_driven"] > psnr["direct"] + 1
+
+
+def test_pictures_are_drawn_under_ones_own_lamps(finished, tmp_path):
+    lamp = {"kind": "point", "position": [0.0, 0.4, 0.3], "colour": [2.0, 1.0, 0.5]}
+    run(small(tmp_path, data_driven__lights=[lamp], data_driven__tested_views=2))
+    pictures = store.load_arrays(next((tmp_path / "cache" / "relit").glob("*.safetensors")))
+    assert len(pictures["path_traced"]) == 2
+    inside = {"kind": "spot", "position": [-0.36, -0.6, -0.3]}
+    with pytest.raises(PrtnetError, match=r"found the spot lamp 0 at \(-0\.36, -0\.6, -0\.3\) inside geometry"):
+        run(small(tmp_path / "out", data_driven__lights=[inside]))
+    with pytest.raises(PrtnetError, match=r"lighting: found .*expected lamps"):
+        run(small(tmp_path / "out", data_driven__lights=[{"position": [0, 0, 0]}]))
 
 
 def test_transfer_of_another_scene_is_refused(finished, tmp_path):

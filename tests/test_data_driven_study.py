@@ -10,6 +10,7 @@ from PIL import Image
 
 from experiments.data_driven import directional, report
 from prtnet import PrtnetError, score, sh
+from prtnet.chart import sheet
 from prtnet.data import builtin, samples
 from prtnet.data.lighting.lamp import Lamp, Lighting
 from prtnet.data.lightmap import poses
@@ -19,6 +20,9 @@ from tests.test_experiments import composed, options_of, words_of
 
 KINDS = ("spot", "point", "directional", "environment")
 WORDS = words_of("data_driven")
+
+
+LEVELS = {"path_traced": 0.5, "data_driven": 0.0, "direct": 0.2, "projection": 0.6, "lightmap": 0.7}
 
 
 def line(unseen: float, **words) -> dict:
@@ -51,7 +55,9 @@ def swept(tmp_path_factory):
         if word == "matrix_each":
             made["matrices"] = [line(0.6, matrices="each"), line(0.9, matrices="one")]
         (folder / "curves.json").write_text(json.dumps(made))
-        Image.new("RGB", (40, 30)).save(folder / "contact_sheet.png")
+        frames = {name: [np.full((32, 32, 3), level) for _ in range(5)] for name, level in LEVELS.items()}
+        frames["data_driven"] = [np.full((32, 32, 3), unseen) for _ in range(5)]
+        sheet.contact_sheet(folder / "contact_sheet.png", frames, reference="path_traced")
     folder = base / "ablation=methods_cornell"
     folder.mkdir()
     others = [replace(NET, method=name, psnr=40 + number) for number, name in enumerate(("texture", "pca", "cpca"))]
@@ -159,9 +165,21 @@ def test_files_lie_beside_the_page(reported):
     assert len([row for row in rows if row["curve"] == "lights"]) == 12
     for name in ("curves.png", "failure.png", "methods.png"):
         assert (results / name).stat().st_size > 5000
-    with Image.open(results / "views.jpg") as image:
-        assert image.size == (40, 60)
     assert (results / "command.txt").read_text().startswith("prtnet -m experiment=data_driven\n# collected at commit ")
+
+
+def test_views_are_cut_out_at_the_pictures(reported):
+    _, page = reported
+    with Image.open(page.parent / "results" / "views.jpg") as image:
+        shown = np.asarray(image.convert("L"), float) / 255
+    plan = sheet.Layout(4, 6, 256, 256)
+    assert shown.shape[::-1] == plan.sheet
+    middles = [
+        [shown[y + 128, x + 128] for x, y in (plan.corner(row, column) for column in range(6))] for row in (0, 3)
+    ]
+    # path traced, direct, learned from spots, 8 x its error, from all, 8 x its error
+    expected = [0.5, 0.2, 0.4, 0.8, 0.3, 1.0]
+    assert np.allclose(middles, [expected, expected], atol=0.03)
 
 
 def test_a_sweep_without_points_is_refused(tmp_path):

@@ -13,12 +13,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from experiments import collect
 from experiments.data_driven import charts
 from prtnet import PrtnetError, score, store
-from prtnet.chart import tables
+from prtnet.chart import sheet, tables
 
 HERE = Path(__file__).parent
 KINDS = ("spot", "point", "directional", "environment")
@@ -26,7 +27,7 @@ ORDER = [*(f"trained_on_{name}" for name in (*KINDS, "all", "colours")), "separa
 FIGURES = ("training", "unseen", "projection", "coloured")
 # of a point that has no other methods: what is drawn beside the method itself
 PICTURES = ("direct", "data_driven", "projection", "lightmap", score.NOISE_FLOOR)
-SHOWN = ("trained_on_spot", "trained_on_all")  # whose sheets of views are kept
+SHOWN = ("trained_on_spot", "trained_on_directional", "trained_on_all")  # whose views are shown
 Line = dict[str, Any]
 Curves = dict[str, dict[str, list[Line]]]  # point -> what varies -> lines
 
@@ -189,18 +190,33 @@ def fill(text: str, made: dict[str, str]) -> str:
 
 
 def views(points: dict[str, Path], path: Path) -> None:
-    """The contact sheets of the points of `SHOWN`, one below the other."""
-    sheets = [points[word] / "contact_sheet.png" for word in SHOWN if word in points]
-    images = [Image.open(file).convert("RGB") for file in sheets if file.exists()]
-    if not images:
+    """A view under one light of each kind: path traced, direct, and by each database of `SHOWN` with its error; cut out
+    of their contact sheets, which have the path-traced picture first and each method's error beside it."""
+    words = [word for word in SHOWN if word in points and (points[word] / "contact_sheet.png").exists()]
+    if not words:
         return
-    joined = Image.new("RGB", (max(each.width for each in images), sum(each.height for each in images)))
-    top = 0
-    for each in images:
-        joined.paste(each, (0, top))
-        top += each.height
-    with store.atomic(path) as temporary:
-        joined.save(temporary, format="JPEG", quality=80)
+    found = {word: _cells(points[word] / "contact_sheet.png") for word in words}
+    first = found[words[0]]
+    rows: dict[str, list[Any]] = {}
+    for number, kind in enumerate(KINDS[: len(first)]):
+        # methods by name: data_driven comes before direct
+        learned = [cell for word in words for cell in found[word][number][1:3]]
+        rows[f"lit by {kind}"] = [first[number][0], first[number][3], *learned]
+    titles = [title for word in words for title in (word.removeprefix("trained_on_"), "its error x8")]
+    title = "cornell: an operator that has learned from lights of one kind, or of all, under unseen lights"
+    sheet.grid(path, rows, ["path traced", "direct light", *titles], title=title, cell=len(first[0][0]))
+
+
+def _cells(path: Path) -> list[list[Any]]:
+    """Pictures of a contact sheet by row and column."""
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB"), np.float32) / 255
+    columns = 1 + 2 * len(PICTURES[:-1])
+    side = (pixels.shape[1] - sheet.Layout(1, columns, 0, 0).sheet[0]) // columns
+    frame = sheet.Layout(0, columns, side, side)
+    count = (pixels.shape[0] - frame.sheet[1]) // (side + frame.caption)
+    corners = [[frame.corner(row, column) for column in range(columns)] for row in range(count)]
+    return [[pixels[y : y + side, x : x + side] for x, y in row] for row in corners]
 
 
 def report(sweep: Path, page: Path) -> dict[str, str]:

@@ -136,10 +136,9 @@ def drawn(points: dict[str, Path]) -> str:
         of = {row.method: row for row in score.read(folder / "score.json")[0]}
         if "path_traced" not in {row.reference for row in of.values()}:
             continue
-        ratio = of["data_driven"].ms_ratio
         cells = [f"{of[name].psnr:.1f}" if name in of and of[name].psnr is not None else "-" for name in PICTURES]
-        rows.append([word.replace("_", " "), *cells, tables.ratio(ratio) if ratio else "-"])
-    return markdown(["point", *(name.replace("_", " ") for name in PICTURES), "frame"], rows)
+        rows.append([word.replace("_", " "), *cells])
+    return markdown(["point", *(name.replace("_", " ") for name in PICTURES)], rows)
 
 
 def methods_rows(points: dict[str, Path]) -> list[score.Row]:

@@ -106,16 +106,21 @@ def normalised(lightmaps: Array, direct: Array, keyframe: Array) -> Columns:
     flat = np.moveaxis(direct, 2, 1).reshape(-1, direct.shape[1]).astype(np.float64)
     maps = np.moveaxis(lightmaps, 2, 1).reshape(len(flat), -1)
     norm = np.linalg.norm(flat, axis=1)
-    lit: Bool[Array, " N"] = norm > DARK * max(norm.max(initial=0.0), 1e-30)
+    lit = seen(norm, np.linalg.norm(maps, axis=1))
     if not lit.any():
         raise PrtnetError(
             "data-driven: found no light at any measurement point in any configuration, expected lights that reach the"
             " scene; choose another data_driven.scenario or more data_driven.points"
         )
-    size = np.linalg.norm(maps[lit], axis=1) / norm[lit]
-    lit[lit] = size <= MISSED * np.median(size)
     rows = (maps[lit] / norm[lit, None]).astype(np.float32)
     return Columns(rows, (flat[lit] / norm[lit, None]).T, np.repeat(keyframe, colours)[lit], int(np.sum(~lit)))
+
+
+def seen(direct: Float[Array, "*n"], lightmaps: Float[Array, "*n"]) -> Bool[Array, "*n"]:
+    """Which lights measurement points do not miss, by the norms of direct vectors and of lightmaps."""
+    lit = direct > DARK * max(float(direct.max(initial=0.0)), 1e-30)
+    level = lightmaps / np.where(lit, direct, 1)
+    return lit & (level <= MISSED * np.median(level[lit])) if lit.any() else lit
 
 
 def basis_of(lightmaps: Float[Array, "N t"], elements: int) -> tuple[Float64[Array, "n t"], Float64[Array, "n N"]]:

@@ -14,7 +14,7 @@ from jaxtyping import Float, Float64
 
 from prtnet import PrtnetError, store
 from prtnet.data.lighting.lamp import Lighting
-from prtnet.models.data_driven import DARK, MISSED, Learned, Pairs, basis_of, learn, normalised, ridge_of
+from prtnet.models.data_driven import Learned, Pairs, basis_of, learn, normalised, ridge_of
 from prtnet.pipeline.data_driven import colours
 from prtnet.pipeline.data_driven import errors as measured
 from prtnet.pipeline.data_driven.database import Database
@@ -170,7 +170,11 @@ def by_points(training: Pairs, unseen: Pairs, **settings: Any) -> list[Line]:
     for count in _up_to(POINTS, training.direct.shape[1]):
         learned = _learned(_first_points(training, count), **settings)
         if learned:
-            own = errors(learned, _first_points(training, count), sizes=_learned_from(training))[0]
+            own = errors(
+                learned,
+                _first_points(training, count),
+                sizes=measured.learned_from(training.lightmaps, training.direct),
+            )[0]
             other, projection = errors(learned, _first_points(unseen, count), sizes=measured.norms(unseen.direct))
             lines.append({"points": count, "training": own, "unseen": other, "projection": projection})
     return lines
@@ -245,14 +249,6 @@ def _each(pairs: Pairs) -> int:
     return len(pairs.direct) if pairs.keyframe is None else int(np.bincount(pairs.keyframe).min())
 
 
-def _learned_from(pairs: Pairs) -> Float64[Array, "c 3"]:
-    """What the colours of configurations are divided by: 0 where learning leaves them out."""
-    sizes = measured.norms(pairs.direct)
-    level = np.linalg.norm(pairs.lightmaps.astype(np.float64), axis=1) / np.maximum(sizes, 1e-30)
-    lit = sizes > DARK * sizes.max()
-    return np.where(lit & (level <= MISSED * np.median(level[lit])), sizes, 0)
-
-
 def _halves(count: int) -> list[int]:
     """Half of it, half of that and so on down to 8, and itself, rising."""
     sizes = [count]
@@ -274,7 +270,15 @@ def _learned(pairs: Pairs, **settings: Any) -> Learned | None:
 
 
 def _errors(learned: Learned, training: Pairs | None, unseen: Pairs, **settings: Any) -> Line:
-    found = {"training": errors(learned, training, sizes=_learned_from(training), **settings)[0]} if training else {}
+    found = (
+        {
+            "training": errors(
+                learned, training, sizes=measured.learned_from(training.lightmaps, training.direct), **settings
+            )[0]
+        }
+        if training
+        else {}
+    )
     operator, projection = errors(learned, unseen, **settings)
     return found | {"unseen": operator, "projection": projection}
 

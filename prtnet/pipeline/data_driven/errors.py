@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from prtnet.data_driven import from_space, to_space
-from prtnet.models.data_driven import projected
+from prtnet.models.data_driven import projected, seen
 
 Array = np.ndarray
 GROUP = 32  # configurations at a time
@@ -65,3 +65,9 @@ def errors(
 def norms(direct: Float[Array, "c m 3"]) -> Float64[Array, "c 3"]:
     """Of direct vectors, colour by colour."""
     return np.linalg.norm(direct.astype(np.float64), axis=1)
+
+
+def learned_from(lightmaps: Float[Array, "c t 3"], direct: Float[Array, "c m 3"]) -> Float64[Array, "c 3"]:
+    """`norms`, and 0 where learning leaves a colour out: what its own lights are divided by."""
+    sizes = norms(direct)
+    return np.where(seen(sizes, np.linalg.norm(lightmaps.astype(np.float64), axis=1)), sizes, 0)

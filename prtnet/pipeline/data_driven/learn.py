@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from prtnet import PrtnetError, data_driven
 from prtnet.data_driven import DataDriven
 from prtnet.models.data_driven import Learned, Pairs, learn
 from prtnet.pipeline.data_driven import options as words
 from prtnet.pipeline.data_driven.database import Database, database
-from prtnet.pipeline.data_driven.errors import errors
+from prtnet.pipeline.data_driven.errors import errors, learned_from
 from prtnet.pipeline.data_driven.ground import Ground, ground_of
 from prtnet.pipeline.data_driven.lights import TRAINING, UNSEEN
 from prtnet.pipeline.job import Job
@@ -93,12 +94,8 @@ def _learned(ground: Ground, training: Database, unseen: Database) -> tuple[Data
         options.gamma,
         "radiance" if options.renderer == words.SUBSURFACE else "irradiance",
     )
-    measured = {
-        name: errors(
-            spec.basis, spec.matrices, each.lightmaps, each.direct, gamma=options.gamma, keyframe=each.keyframe
-        ).words()
-        for name, each in ((TRAINING, training), (UNSEEN, unseen))
-    }
+    sizes = learned_from(training.lightmaps, training.direct)
+    measured = {TRAINING: _errors(spec, training, sizes), UNSEEN: _errors(spec, unseen, None)}
     level = float(np.sqrt(np.mean(training.lightmaps.astype(np.float64) ** 2)))
     facts = measured | {
         "cpu_seconds": seconds,
@@ -115,3 +112,8 @@ def _learned(ground: Ground, training: Database, unseen: Database) -> tuple[Data
 def _of_keyframes(found: Learned, count: int) -> Array:
     """One matrix for all keyframes is that of each."""
     return np.broadcast_to(found.matrices, (count, *found.matrices.shape[1:])).copy()
+
+
+def _errors(spec: DataDriven, found: Database, sizes: Float[Array, "c 3"] | None) -> dict[str, float]:
+    chosen = {"gamma": spec.gamma, "keyframe": found.keyframe, "sizes": sizes}
+    return errors(spec.basis, spec.matrices, found.lightmaps, found.direct, **chosen).words()

@@ -43,12 +43,12 @@ COLUMNS = ("path traced", "path traced lightmap", "learned", "nearest in the bas
 DENSITY, VOXELS, TEXELS = 20.0, 56, 96  # of the rabbit: extinction, mesh, lightmap
 STRANDS = 400
 # paths to a texel and to a pixel of the references
-EFFORT = {"subsurface": (768, 384), "hair": (96, 96)}
+EFFORT = {"subsurface": (3072, 1024), "hair": (384, 256)}
 HEAD = """    python -m experiments.data_driven.materials --only {name}
 
 Errors on lights learned from and on unseen ones, RMS over texels, lights and colours, in percent of the lightmaps' own:
 of the operator, of the nearest thing in its basis, and the standard error of the lightmaps, which is part of both. One
-basis shared by all colours, or one for each. Seconds: both databases, on two cores with much other work.
+basis shared by all colours, or one for each. Seconds: both databases, on two cores.
 
 | scene | channels | texels | training % | nearest % | noise % | unseen % | nearest % | noise % | seconds |
 | :-- | :-- | --: | --: | --: | --: | --: | --: | --: | --: |

@@ -23,8 +23,9 @@ from prtnet.data.scene import Frame, Scene
 from prtnet.data.tracer import Tracer
 from prtnet.export import gloss
 from prtnet.models import recipe
-from prtnet.pipeline import candidates, drawn_by, linear_options, scenes, split_options
+from prtnet.pipeline import candidates, drawn_by, scenes, split_options
 from prtnet.pipeline.data_driven import options as data_driven_options
+from prtnet.pipeline.linear import options as linear_options
 from prtnet.render import reflectance, transfer_map
 from prtnet.render.display import Display
 from prtnet.render.material import Material

@@ -10,12 +10,13 @@ import numpy as np
 from prtnet import clusters, netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
-from prtnet.pipeline import drawn_by, linear
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked, BakedMesh, BakedTexture, NetPoints
 from prtnet.pipeline.data_driven.learn import Operator
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.export_clusters import ClustersExported
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.linear import methods as linear
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.views import cameras_of
 from prtnet.render.clusters import ClusterMethod, DeferredClusters, shares, stack_method

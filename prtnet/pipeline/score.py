@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from prtnet import console, score
-from prtnet.pipeline import drawn_by, linear
+from prtnet.pipeline import drawn_by
 from prtnet.pipeline.bake import Baked
 from prtnet.pipeline.exact import add_exact, exact_rows, light_key
 from prtnet.pipeline.export import Exported
 from prtnet.pipeline.job import Job
+from prtnet.pipeline.linear import methods as linear
 from prtnet.pipeline.methods import Drawn, make_all
 from prtnet.pipeline.seams import seams, surfaces
 from prtnet.pipeline.train import Trained

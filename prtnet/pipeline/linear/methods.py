@@ -6,9 +6,9 @@ from typing import Any
 from prtnet import score
 from prtnet.pipeline.bake import Baked, BakedMesh, bake_mesh
 from prtnet.pipeline.job import Job
-from prtnet.pipeline.linear_bytes import best, most_elements, room_of
-from prtnet.pipeline.linear_fit import Fitted, fit, kept, pages_of, texture_of
-from prtnet.pipeline.linear_options import METHODS
+from prtnet.pipeline.linear.fit import Fitted, fit, kept, pages_of, texture_of
+from prtnet.pipeline.linear.options import METHODS
+from prtnet.pipeline.linear.room import best, most_elements, room_of
 from prtnet.pipeline.train import Trained
 from prtnet.render.linear import LinearTextureMethod, LinearVertexMethod
 from prtnet.render.raster import Raster

@@ -21,8 +21,8 @@ from prtnet.export.linear import index_bytes
 from prtnet.pipeline.atlas import padding_of
 from prtnet.pipeline.bake import BakedTexture, atlas_uv
 from prtnet.pipeline.job import Job
-from prtnet.pipeline.linear_fit import Fitted, channels_of, fit, kept, pages_of, texture_of
-from prtnet.pipeline.linear_options import clusters_of
+from prtnet.pipeline.linear.fit import Fitted, channels_of, fit, kept, pages_of, texture_of
+from prtnet.pipeline.linear.options import clusters_of
 from prtnet.pipeline.train import Trained
 from prtnet.pipeline.transport import received
 from prtnet.render.linear import decoded_page

@@ -13,7 +13,7 @@ from prtnet.models import pca
 from prtnet.models.pca import Linear
 from prtnet.pipeline.bake import BakedMesh, BakedTexture, bake_texture
 from prtnet.pipeline.job import Job
-from prtnet.pipeline.linear_options import clusters_of
+from prtnet.pipeline.linear.options import clusters_of
 
 Array = np.ndarray
 

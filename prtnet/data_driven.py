@@ -116,11 +116,24 @@ def image(spec: DataDriven, values: Float[Array, "t c"]) -> Float32[Array, "size
     return flat.reshape(spec.size, spec.size, -1)
 
 
+def channels(spec: DataDriven) -> int:
+    """Of the basis textures: four to a texel, in each bank."""
+    return 4 * -(-spec.elements // 4) * spec.basis.shape[0]
+
+
+def macs(spec: DataDriven) -> int:
+    """Multiply-adds per pixel of what the operator adds: a bilinear fetch of every channel, and their sum."""
+    return 4 * channels(spec) + 3 * spec.elements
+
+
+def point_bytes(spec: DataDriven) -> int:
+    """Bytes of the measurement points of all keyframes on the graphics card."""
+    return sum(2 * 12 * each.positions.shape[0] * each.positions.shape[1] for each in spec.measurements)
+
+
 def byte_count(spec: DataDriven, texel_bytes: int = 4) -> int:
     """Bytes of basis textures, matrices of all keyframes and measurement points on the graphics card."""
-    points = sum(2 * 12 * each.positions.shape[0] * each.positions.shape[1] for each in spec.measurements)
-    quads = -(-spec.elements // 4)
-    return 4 * quads * spec.basis.shape[0] * spec.size**2 * texel_bytes + 4 * spec.matrices.size + points
+    return channels(spec) * spec.size**2 * texel_bytes + 4 * spec.matrices.size + point_bytes(spec)
 
 
 def save(spec: DataDriven, path: Path) -> None:

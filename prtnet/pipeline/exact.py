@@ -60,10 +60,7 @@ def exact_view(job: Job, title: str, view: View, *, announce: int = 0, repeat: i
     images is printed, none for 0."""
     gbuffer = view.gbuffer
     points = exact.points_of(job.tracer, gbuffer, job.material)
-    values = _values(job, title, points, announce, repeat)
-    image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
-    image[gbuffer.pixel] = values
-    return image.reshape(gbuffer.size, gbuffer.size, 3)
+    return gbuffer.image(_values(job, title, points, announce, repeat))
 
 
 def _values(job: Job, title: str, points: Points, announce: int, repeat: int) -> Float32[Array, "n 3"]:

@@ -120,9 +120,10 @@ class Job:
     def light_name(self) -> str:
         return self.light.name
 
-    def rng(self, purpose: str) -> np.random.Generator:
-        """A generator of its own for each purpose, so that one stage's draws never move another's."""
-        return np.random.default_rng([self.config.seed, zlib.crc32(purpose.encode())])
+    def rng(self, purpose: str, *numbers: int) -> np.random.Generator:
+        """A generator of its own for each purpose, so that one stage's draws never move another's; and for each of its
+        `numbers`, where it has several parts."""
+        return np.random.default_rng([self.config.seed, zlib.crc32(purpose.encode()), *numbers])
 
 
 def open_job(config: Config, command: str, sweep_point: str | None) -> Job:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from prtnet import clusters, netspec, score, sh
+from prtnet import clusters, data_driven, netspec, score, sh
 from prtnet.data import quantise
 from prtnet.export.bundle import Bundle
 from prtnet.pipeline import drawn_by
@@ -142,9 +142,8 @@ def _data_driven(job: Job, baked: BakedTexture, learned: Operator, drawing: Rast
         level_of_detail=options.level_of_detail,
         material=job.material,
     )
-    padded = 4 * -(-spec.elements // 4) * len(spec.basis)
     costs = {
-        "macs": score.fetch_macs(count + padded, "bilinear") + 3 * spec.elements + job.shading_macs,
+        "macs": score.fetch_macs(count, "bilinear") + data_driven.macs(spec) + job.shading_macs,
         "bytes": shaded.bytes,
         "bake_seconds": baked.facts["seconds"] + learned.facts["training_seconds"],
         "train_seconds": learned.facts["cpu_seconds"],

@@ -60,9 +60,7 @@ def views_of(
         gbuffer = drawing.gbuffer(eye)
         title = f"traced view {index + 1} of {len(path)}"
         reference = reference_of(job, title, eye, gbuffer, coefficients, radiosity, announce=0 if index else len(path))
-        covered = np.zeros(gbuffer.size * gbuffer.size, bool)
-        covered[gbuffer.pixel] = True
-        found.append(View(eye, gbuffer, covered.reshape(gbuffer.size, -1), reference))
+        found.append(View(eye, gbuffer, gbuffer.covered, reference))
     return found
 
 

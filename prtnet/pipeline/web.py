@@ -188,14 +188,11 @@ def _lights(job: Job, drawing: Drawing, net: NetSpec, eye: Camera, look: Look) -
     transfer = netspec.evaluate_unit(net, gbuffer.positions.astype(np.float64), gbuffer.normals, uv=gbuffer.uv)
     specular = tuple(look.specular * value for value in look.tint)
     material = Material(look.diffuse, specular, look.exponent)
-    covered = np.zeros(gbuffer.size**2, bool)
-    covered[gbuffer.pixel] = True
-    covered = covered.reshape(gbuffer.size, -1)
 
     def made(light: Light) -> PageLight:
         coefficients = light.coefficients(net.bands)
         image = gbuffers.shade(gbuffer, transfer, coefficients, material, groups=net.groups)
-        return PageLight(light.name, coefficients, score.exposure([image], [covered]))
+        return PageLight(light.name, coefficients, score.exposure([image], [gbuffer.covered]))
 
     others = [lights.by_name(name) for name in lights.NAMES if name != job.light.name]
     return [made(light) for light in (job.light, *others)]

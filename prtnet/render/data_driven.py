@@ -65,8 +65,9 @@ class DataDrivenMethod:
             direct=not self._alone,
         )
         # bytes on the graphics card, but for the frame and shadow maps
-        points = sum(2 * 12 * each.positions.shape[0] * each.positions.shape[1] for each in spec.measurements)
-        self.bytes = self.operator.bytes + points + (self.shading.map.bytes if self.shading.map else 0)
+        self.bytes = (
+            self.operator.bytes + data_driven.point_bytes(spec) + (self.shading.map.bytes if self.shading.map else 0)
+        )
 
     def draw(self, camera: Camera, lighting: Lighting, keyframe: int = 0) -> Float32[Array, "h w 3"]:
         """The image under a lighting."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int, Int32
+from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from prtnet.data import vertex
 from prtnet.data.samples import at_barycentric
@@ -45,6 +45,19 @@ class GBuffer:
     roughness: Float32[Array, " n"] | None = None
     # in the atlas, v up; None where the scene was drawn without one
     uv: Float32[Array, "n 2"] | None = None
+
+    @property
+    def covered(self) -> Bool[Array, "size size"]:
+        """Which pixels show anything."""
+        mask = np.zeros(self.size * self.size, bool)
+        mask[self.pixel] = True
+        return mask.reshape(self.size, -1)
+
+    def image(self, colours: Float[Array, "n 3"]) -> Float32[Array, "size size 3"]:
+        """The frame with a colour for each covered pixel; 0 elsewhere."""
+        image = np.zeros((self.size * self.size, 3), np.float32)
+        image[self.pixel] = colours
+        return image.reshape(self.size, self.size, 3)
 
 
 def from_faces(
@@ -102,9 +115,7 @@ def shade(
 
     `groups` and `incident` as in `radiance`.
     """
-    image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
-    image[gbuffer.pixel] = colours(gbuffer, transfer, light, material, groups=groups, incident=incident)
-    return image.reshape(gbuffer.size, gbuffer.size, 3)
+    return gbuffer.image(colours(gbuffer, transfer, light, material, groups=groups, incident=incident))
 
 
 def colours(

@@ -270,17 +270,12 @@ def _learned(pairs: Pairs, **settings: Any) -> Learned | None:
 
 
 def _errors(learned: Learned, training: Pairs | None, unseen: Pairs, **settings: Any) -> Line:
-    found = (
-        {
-            "training": errors(
-                learned, training, sizes=measured.learned_from(training.lightmaps, training.direct), **settings
-            )[0]
-        }
-        if training
-        else {}
-    )
     operator, projection = errors(learned, unseen, **settings)
-    return found | {"unseen": operator, "projection": projection}
+    found = {"unseen": operator, "projection": projection}
+    if training is None:
+        return found
+    own = measured.learned_from(training.lightmaps, training.direct)
+    return {"training": errors(learned, training, sizes=own, **settings)[0]} | found
 
 
 def _line(words: Line, training: Pairs, unseen: Pairs, **settings: Any) -> Line:

@@ -22,7 +22,7 @@ from prtnet.data.lightmap.rendered import Rendered
 from prtnet.data_driven import Measurement
 from prtnet.pipeline.data_driven import options as words
 from prtnet.pipeline.data_driven.ground import Ground, Keyframe
-from prtnet.pipeline.data_driven.lights import lights_of, rng_of
+from prtnet.pipeline.data_driven.lights import lights_of
 from prtnet.render.measure import Measure
 from prtnet.render.shadow_maps import ShadowMaps
 from prtnet.store import Arrays
@@ -114,7 +114,7 @@ def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Seq
             albedo=ground.albedo,
             samples=options.directions,
             density=options.density,
-            seed=int(rng_of(ground.job, purpose, keyframe.number, number).integers(1 << 31)),
+            seed=int(ground.job.rng(purpose, keyframe.number, number).integers(1 << 31)),
         )
 
     def render(lightings: Sequence[Lighting], number: int) -> Rendered:
@@ -135,7 +135,7 @@ def _renderer(ground: Ground, keyframe: Keyframe, purpose: str) -> Callable[[Seq
             received,
             bounces=options.bounces,
             directions=options.directions,
-            rng=rng_of(ground.job, purpose, keyframe.number, number),
+            rng=ground.job.rng(purpose, keyframe.number, number),
             threads=ground.job.config.threads,
         )
 

@@ -1,7 +1,5 @@
 """The lights of a database, the same whenever they are drawn; a longer list begins with the shorter one."""
 
-import zlib
-
 import numpy as np
 from jaxtyping import Bool
 
@@ -29,7 +27,7 @@ def lights_of(job: Job, scene: Scene, tracer: Tracer, purpose: str, keyframe: in
         options.unseen if purpose == UNSEEN else options.configurations,
         scene,
         tracer,
-        rng_of(job, purpose, keyframe),
+        job.rng(purpose, keyframe),
         colours=options.colours,
         bands=job.config.transfer.bands,
     )
@@ -38,11 +36,6 @@ def lights_of(job: Job, scene: Scene, tracer: Tracer, purpose: str, keyframe: in
 def own_of(job: Job) -> list[Lighting]:
     """The lamps that the options name, each by itself."""
     return [from_dict({"lamps": [dict(lamp)]}) for lamp in job.config.data_driven.lights]
-
-
-def rng_of(job: Job, purpose: str, *numbers: int) -> np.random.Generator:
-    """A generator of its own for what is learned from and for what is not seen."""
-    return np.random.default_rng([job.config.seed, zlib.crc32(purpose.encode()), *numbers])
 
 
 def reached(job: Job, points: Samples) -> Bool[np.ndarray, " n"]:

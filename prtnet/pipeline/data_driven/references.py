@@ -16,7 +16,6 @@ from prtnet.data.samples import Samples
 from prtnet.pipeline.data_driven import options
 from prtnet.pipeline.data_driven.ground import Keyframe
 from prtnet.pipeline.data_driven.learn import Operator
-from prtnet.pipeline.data_driven.lights import rng_of
 from prtnet.pipeline.job import Job
 from prtnet.render.camera import Camera
 from prtnet.render.gbuffer import GBuffer
@@ -49,7 +48,7 @@ def references(job: Job, made: Operator, pictures: Sequence[Lit], *, repeat: int
         else:
             irradiance = _path_traced(job, made, few, repeat)
             images = [
-                image_of(each.gbuffer, each.gbuffer.albedo / np.pi * values)
+                each.gbuffer.image(each.gbuffer.albedo / np.pi * values)
                 for each, values in zip(few, irradiance, strict=True)
             ]
         found |= dict(zip(numbers, images, strict=True))
@@ -73,9 +72,9 @@ def _through_media(job: Job, made: Operator, shown: Lit, repeat: int) -> Image:
             size=size,
             samples=chosen.samples,
             density=chosen.density,
-            seed=int(rng_of(job, "paths", repeat).integers(1 << 31)),
+            seed=int(job.rng("paths", repeat).integers(1 << 31)),
         )
-        return {"radiance": np.where(covered_of(shown.gbuffer)[..., None], found, 0).astype(np.float32)}, {}
+        return {"radiance": np.where(shown.gbuffer.covered[..., None], found, 0).astype(np.float32)}, {}
 
     return job.store.make("paths", inputs, make).arrays["radiance"]
 
@@ -109,7 +108,7 @@ def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int)
                 [each.lighting for each in pictures],
                 samples=chosen.samples,
                 bounces=chosen.bounces,
-                rng=rng_of(job, "paths", repeat),
+                rng=job.rng("paths", repeat),
                 transfer_of=distant,
                 threads=job.config.threads,
                 progress=reach,
@@ -122,18 +121,6 @@ def _path_traced(job: Job, made: Operator, pictures: Sequence[Lit], repeat: int)
 def _transfer(job: Job, keyframe: Keyframe, points: Samples, repeat: int) -> Float[Array, "n k"]:
     """Of pixels, so that light from far away is exact where it is direct."""
     places, options = (points.positions, points.normals), job.config.transfer
-    rays = {"directions": job.config.render.traced_directions, "rng": rng_of(job, "pixels", repeat)}
+    rays = {"directions": job.config.render.traced_directions, "rng": job.rng("pixels", repeat)}
     chosen = {"bands": options.bands, "kind": options.kind, "threads": job.config.threads}
     return transfer.bake(keyframe.tracer, *places, geometric_normals=points.geometric_normals, **rays, **chosen)
-
-
-def image_of(gbuffer: GBuffer, colours: Float[Array, "n 3"]) -> Float32[Array, "h w 3"]:
-    image = np.zeros((gbuffer.size * gbuffer.size, 3), np.float32)
-    image[gbuffer.pixel] = colours
-    return image.reshape(gbuffer.size, gbuffer.size, 3)
-
-
-def covered_of(gbuffer: GBuffer) -> Array:
-    mask = np.zeros(gbuffer.size * gbuffer.size, bool)
-    mask[gbuffer.pixel] = True
-    return mask.reshape(gbuffer.size, -1)

@@ -22,7 +22,7 @@ from prtnet.pipeline.data_driven import options
 from prtnet.pipeline.data_driven.ground import Keyframe
 from prtnet.pipeline.data_driven.learn import Operator
 from prtnet.pipeline.data_driven.lights import UNSEEN
-from prtnet.pipeline.data_driven.references import Image, Lit, covered_of, image_of, references
+from prtnet.pipeline.data_driven.references import Image, Lit, references
 from prtnet.pipeline.job import Job
 from prtnet.pipeline.score import TIMED_FRAMES
 from prtnet.pipeline.views import cameras_of
@@ -84,7 +84,7 @@ def _score(job: Job, made: Operator) -> tuple[dict[str, Array], dict[str, Any]]:
     pictures = _pictures(job, made, stages)
     truth = references(job, made, pictures)
     frames = {REFERENCE: truth} | _drawn(made, stages, pictures)
-    covered = [covered_of(each.gbuffer) for each in pictures]
+    covered = [each.gbuffer.covered for each in pictures]
     exposure = score.exposure(truth, covered)
     costs = _costs(made, stages[0], pictures[0])
     rows = [
@@ -149,8 +149,8 @@ def _with_lightmap(made: Operator, gbuffer: GBuffer, direct: Image, values: Floa
     assert gbuffer.uv is not None
     found = np.maximum(bilinear(image, gbuffer.uv), 0)
     if made.spec.quantity == "radiance":
-        return image_of(gbuffer, found)
-    return direct + image_of(gbuffer, gbuffer.albedo / np.pi * found)
+        return gbuffer.image(found)
+    return direct + gbuffer.image(gbuffer.albedo / np.pi * found)
 
 
 def _costs(made: Operator, stage: Stage, shown: Lit) -> dict[str, dict[str, Any]]:
@@ -161,9 +161,8 @@ def _costs(made: Operator, stage: Stage, shown: Lit) -> dict[str, dict[str, Any]
         taken[DIRECT].append(direct.milliseconds(shown.camera, shown.lighting, repeats=1))
         taken[METHOD].append(learned.milliseconds(shown.camera, shown.lighting, repeats=1))
     spent = {name: float(np.median(each)) for name, each in taken.items()}
-    padded = 4 * -(-made.spec.elements // 4) * len(made.spec.basis)
     own = {
-        "macs": score.fetch_macs(padded, "bilinear") + 3 * made.spec.elements,
+        "macs": data_driven.macs(made.spec),
         "bytes": data_driven.byte_count(made.spec, TEXEL_BYTES),
         "bake_seconds": made.facts["training_seconds"],
         "train_seconds": made.facts["cpu_seconds"],
